@@ -7,16 +7,16 @@ import numpy as np
 
 from discrepancy import gates
 from discrepancy.decision.prospect import Prospect, manoeuvre_recording
-from discrepancy.estimation.effort import Effort
+from discrepancy.estimation.effort import BRIEF, Effort
 from discrepancy.estimation.fit import Fit, fit
 from discrepancy.estimation.noise import Noise
 from discrepancy.estimation.problem import Problem, Unusable
-from discrepancy.model.description import Manoeuvre, Parameter
-from discrepancy.selection.active_intervals import active_interval_of
+from discrepancy.model.description import Effect, Manoeuvre, Parameter
+from discrepancy.selection.active_intervals import active_interval_of, sse_threshold
 from discrepancy.selection.candidate_fits import project_out, size_of
 from discrepancy.selection.screen import Score, collinearity, time_blocks_of
 from discrepancy.selection.starts import Starts
-from discrepancy.selection.state import Progress, Settings, State, free_names
+from discrepancy.selection.state import Progress, Settings, State, free_names, switched_off
 from discrepancy.signals import findings as f
 from discrepancy.signals.recording import Array
 
@@ -81,7 +81,13 @@ def alternatives(
         difference = best.sse - state.fit.sse + extra
         limit = max(settings.rival, gates.VUONG.threshold * difference_sd(state.noise, best, state.fit))
         kept = without.sse - best.sse > gates.RIVAL_KEEPS.threshold * whole
-        if difference < limit and kept:
+        # one that fits as well is a rival whatever both do together: a second lag in series with the first explains more, and which is there stays open
+        as_well = difference < settings.rival
+        if (
+            difference < limit
+            and kept
+            and (as_well or not _both_needed(problem, state, effect, candidate, best, settings))
+        ):
             cosine = collinearity(own, _direction(problem, best, candidate.name))
             found.append(Alternative(candidate.name, float(difference), cosine, best))
     return _special_before_general(problem, sorted(found, key=lambda m: m.difference))
@@ -99,6 +105,25 @@ def _worth_fitting(problem: Problem, effect: str, score: Score, whole: float, se
     finding, rival = problem.model.effect(effect), problem.model.effect(score.effect)
     declared = rival.name in finding.confusable or effect in rival.confusable
     return declared or score.raw_statistic >= gates.RIVAL_SCORE.threshold * whole - settings.same
+
+
+def _both_needed(
+    problem: Problem, state: State, effect: str, rival: Effect, fitted: Fit, settings: Settings
+) -> bool:
+    """Whether two rivals together explain more than the better one, beyond chance: then both may be present. fitted: the rival alone."""
+    names = free_names(problem, (*state.accepted, rival.name))
+    finding = problem.model.effect(effect)
+    # start from either alone: where the other has no gradient at zero (a friction, a lag), one of the two fits does not move
+    points = (
+        state.fit.values.with_shared(switched_off(rival)),
+        fitted.values.with_shared(switched_off(finding)),
+    )
+    together = min(fit(problem, state.noise, names, point, effort=BRIEF).sse for point in points)
+    added = min(state.fit.sse, fitted.sse) - together
+    least = sse_threshold(
+        problem, max(finding, rival, key=lambda e: e.size), state.fit.values, settings.alpha
+    )
+    return added > gates.BOTH_NEEDED.threshold * least
 
 
 def in_between(parameter: Parameter, fitted: Fit) -> bool:

@@ -189,7 +189,7 @@ def _findings(
         caveats += hanging(hung, sheet, fitted)
         unsure |= {value.estimate.name for value in hung}
         if not caveats:  # costs two fits for each candidate that was not accepted
-            caveats += taken_over(problem, state, history[-1].trials, test)
+            caveats += taken_over(problem, state, history[-1].trials, test, [a.effect for a in rivals])
         found.append(_finding(problem, state, history[0], test, rivals, caveats))
     return found, unsure
 

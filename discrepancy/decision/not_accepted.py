@@ -4,7 +4,7 @@ Where held-out data contradict the best candidate, the search goes on with the n
 borrowed: a law of the right kind with the wrong shape fits the recording and no other, and something else takes over a part of its work.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from discrepancy import gates
 from discrepancy.decision.drop_one import DropOneTest
@@ -15,14 +15,21 @@ from discrepancy.selection.state import CandidateFit, State, free_names, switche
 
 
 def taken_over(
-    problem: Problem, state: State, trials: Sequence[CandidateFit], test: DropOneTest
+    problem: Problem,
+    state: State,
+    trials: Sequence[CandidateFit],
+    test: DropOneTest,
+    group: Collection[str] = (),
 ) -> list[str]:
-    """A caveat if a candidate with more evidence than the finding, not accepted, leaves less than half of the finding's. trials: of the last search."""
+    """A caveat if a candidate with more evidence than the finding, not accepted, leaves less than half of the finding's.
+
+    trials: of the last search; group: what the recordings cannot distinguish from the finding, and what is said with it.
+    """
     rest = tuple(name for name in state.accepted if name != test.effect)
     off = switched_off(problem.model.effect(test.effect))
     for trial in trials:
         clear = trial.raw_sse_reduction > max(test.sse_reduction, gates.CLEAR.threshold, trial.threshold)
-        if trial.effect in state.accepted or trial.reference or not clear:
+        if trial.effect in (*state.accepted, *group) or trial.reference or not clear:
             continue
         both, alone = (*state.accepted, trial.effect), (*rest, trial.effect)
         values = trial.fit.values

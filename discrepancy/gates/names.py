@@ -35,6 +35,16 @@ VUONG: Final = _gate(
     otherwise="the rival is no member of the group",
     module="decision.groups",
 )
+BOTH_NEEDED: Final = _gate(
+    name="a rival makes the finding needless",
+    of="group",
+    statistic="reduction in SSE by both together beyond the better of the two, over the threshold of one effect",
+    threshold=1.0,
+    passes="below",
+    source="two names of one cause add nothing to one another",
+    otherwise="the rival is no member of the group, unless it has the same likelihood: both may be there",
+    module="decision.groups",
+)
 RIVAL_KEEPS: Final = _gate(
     name="a rival keeps the reduction",
     of="group",
