@@ -18,6 +18,7 @@ from discrepancy.estimation.fit import fit
 from discrepancy.estimation.problem import Problem, Values
 from discrepancy.selection.search import searched_on
 from discrepancy.selection.state import Progress, Settings, State, free_names, switched_off
+from discrepancy.signals import findings as f
 from discrepancy.signals.adequacy import inadequate
 
 FIRST: Final = 3  # named effects that are barred: what was accepted first had the most to stand in for
@@ -37,6 +38,10 @@ class OtherWay:
     def clearly_better(self) -> bool:
         """Whether the gain is beyond its own scatter, as where two effects are compared as rivals."""
         return self.gain > gates.VUONG.threshold * self.sd
+
+    def doubts(self, finding: f.Finding) -> bool:
+        """Whether it explains more without this finding, and by more than what the recordings cannot distinguish from it anyway."""
+        return self.barred in finding.members and not {*self.instead} <= {*finding.members}
 
     @property
     def said(self) -> str:
@@ -67,14 +72,12 @@ def other_way(
 
 def doubted(judgement: Judgement, ways: Sequence[OtherWay]) -> Judgement:
     """The verdict, in which an effect that others explain better without is a proxy."""
-    better = {way.barred: way for way in ways}
     found, reasons = [], list(judgement.findings.reasons)
     for x in judgement.findings.findings:
-        if x.named and x.effect in better:
-            caveats = [better[x.effect].said]
-            reasons.insert(0, f"{x.effect} is only the best proxy, the cause is unknown: {caveats[0]}")
-            x = replace(x, named=False, caveats=caveats)
-        found.append(x)
+        better = [way for way in ways if x.named and way.doubts(x)]
+        caveats = [way.said for way in better]
+        reasons[:0] = [f"{x.effect} is only the best proxy, the cause is unknown: {said}" for said in caveats]
+        found.append(replace(x, named=False, caveats=caveats) if caveats else x)
     named = any(x.named for x in found)
     status = judgement.findings.status if named or not found else "unknown"
     return replace(
