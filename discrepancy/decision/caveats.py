@@ -159,7 +159,8 @@ def _at_bounds(effect: Effect, fitted: Fit, present: Estimated) -> list[str]:
     if at_bound and (not effect.is_profile or len(at_bound) == len(present)):
         first = at_bound[0]
         return [f"{first.name} stops at its physical bound, {quantity(first.value, first.unit)}"]
-    if effect.is_profile:
+    # of physics a bound is where a law ends, and a size may come near it; a sensor that may be off by as much is not believed
+    if effect.kind != "sensor":
         return []
     # by one fit of all recordings: where they disagree, their scatter does not make the bound a limit of what they show
     open_ends = [

@@ -120,7 +120,7 @@ AT_BOUND: Final = _gate(
     statistic="distance of a parameter from its bound, in typical changes",
     threshold=1e-3,
     source="the accuracy of a fit",
-    otherwise="best proxy, cause unknown, if an amplitude parameter is at a bound other than its baseline; or if the 95 % interval of one fit of all recordings reaches beyond it",
+    otherwise="best proxy, cause unknown, if an amplitude parameter is at a bound other than its baseline; of a sensor's fault also if the 95 % interval of one fit of all recordings reaches beyond it",
     module="decision.summary",
 )
 AT_BOUND_SD: Final = _gate(

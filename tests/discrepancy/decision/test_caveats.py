@@ -297,8 +297,11 @@ def test_an_interval_that_reaches_a_bound_leaves_the_size_open(
     """A scale of 0.27 with a standard deviation of 0.02, of 0.3 at most; a bound at the baseline is none."""
     scale = Parameter(name="scale", unit="1", lower=lower, upper=0.3, typical=0.03)
     seen = Estimate(name="scale", value=value, low=None, high=None, unit="1", at_bound=None, baseline=0.0)
-    found = caveats._at_bounds(physics("scale", scale), known_to(0.02), [(scale, seen)])
+    fault = replace(physics("scale", scale), kind="sensor")
+    found = caveats._at_bounds(fault, known_to(0.02), [(scale, seen)])
     assert any("its interval ends at its physical bound" in text for text in found) is open_ended
+    # a law of physics may come near its bound
+    assert not caveats._at_bounds(physics("scale", scale), known_to(0.02), [(scale, seen)])
 
 
 def known_to(sd: float) -> Fit:
