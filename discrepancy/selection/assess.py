@@ -4,6 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
 from discrepancy import gates
 from discrepancy.estimation.effort import AS_IT_IS, CACHED, FULL, Effort
 from discrepancy.estimation.fit import Fit, fit, initial_uncertainty
@@ -26,6 +28,7 @@ from discrepancy.selection.screen import (
 )
 from discrepancy.selection.state import Settings, State, free_names
 from discrepancy.selection.unexplained import unexplained, unexplained_by_window
+from discrepancy.signals.recording import Array
 
 CLEARLY: Final = 1.0  # difference in SSE from which on another end of a fit is a better one, and not rounding
 
@@ -67,6 +70,7 @@ def assess(
     if look is not None:
         look(noise, fitted)
     at = values if problem.costs.costly else fitted.values
+    tried: list[tuple[float, Noise]] = []
     # Noise and fit depend on each other. Two passes: the first under white noise, roughly, the second under the noise that it leaves.
     for last in (False, True):
         home = _at_prior(problem, fitted)
@@ -79,9 +83,14 @@ def assess(
         # The noise is estimated from what no candidate explains. Otherwise a missing effect would count as noise, and hide itself.
         base = problem.predict(fitted.values)
         columns = sensitivities(problem, at, problem.predict(at), candidates)
-        left = unexplained(problem, noise, fitted, problem.measured - base, columns)
+        left = [unexplained(problem, noise, fitted, problem.measured - base, columns)]
+        if problem.costs.costly:
+            left.append(_left_at(problem, noise, fitted, at, columns))
+        else:
+            tried = []
         known = noise.having(problem, initial_uncertainty(problem, fitted.values, base, cached=not last))
-        noise = estimate_noise(problem, *left, known)
+        tried += [_own_noise(problem, each, known) for each in left]
+        noise = max(tried, key=lambda each: each[0])[1]
         effort = FULL if last else Effort(least_reduction=least)
         fitted = fit(problem, noise, names, fitted.values, effort=effort)
         if last and accepted:
@@ -104,6 +113,23 @@ def assess(
         at_prior=at_prior,
         aside=aside,
     )
+
+
+def _left_at(
+    problem: Problem, noise: Noise, fitted: Fit, at: Values, columns: Sequence[Columns]
+) -> tuple[Array, float]:
+    """What is unexplained at the point where an expensive model's columns were taken, which need not be that of the fit.
+
+    Without a pile that is there the simulated machine overturns, at each point in another way: columns of one say nothing about another.
+    """
+    point = fit(problem, noise, fitted.names, at, effort=replace(AS_IT_IS, cached=True))
+    return unexplained(problem, noise, point, problem.measured - problem.predict(at), columns)
+
+
+def _own_noise(problem: Problem, left: tuple[Array, float], known: Noise) -> tuple[float, Noise]:
+    """Twice the log-likelihood of what is unexplained under its own noise, up to a constant, and that noise."""
+    noise = estimate_noise(problem, *left, known)
+    return 2.0 * noise.log_density() - float(np.sum(noise.whiten(left[0]) ** 2)), noise
 
 
 def _temporary_effects(

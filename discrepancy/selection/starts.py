@@ -62,6 +62,11 @@ class Starts:
         if self._at_prior is not None:
             points.append(start_at(starts(self._at_prior, effect, found)[0]))
         points.sort(key=lambda start: -start.sse_reduction)
+        if effect.shapes_at_typical and not any(p.trial_steps for p in effect.amplitude_parameters):
+            # the size at which it was scored: a score is linear, and by shapes an effect is not
+            scored = start_at(self._fit.values.with_shared(_as_scored(effect, found)))
+            if scored.sse_reduction > points[0].sse_reduction + CLEAR:
+                points.insert(0, scored)
         return [points[0], *(start for start in points[1:] if start.sse_reduction > 0.0)]
 
     def _along(self, found: Score, point: Values, windows: Windows | None) -> Values:
@@ -100,9 +105,17 @@ def starts(at: Values, effect: Effect, found: Score) -> list[Values]:
     }
     points = [at.with_shared({**shapes, **expected})]
     if any(p.trial_steps for p in own):
-        step = {p.name: p.trial_values[min(found.nearest, len(p.trial_values) - 1)] for p in own}
-        points.append(at.with_shared({**shapes, **step}))
+        points.append(at.with_shared(_as_scored(effect, found)))
     return points
+
+
+def _as_scored(effect: Effect, found: Score) -> dict[str, float]:
+    """The values at which an effect was simulated for its score, of its best trial step."""
+    step = {
+        p.name: p.trial_values[min(found.nearest, len(p.trial_values) - 1)]
+        for p in effect.amplitude_parameters
+    }
+    return {**effect.shapes_at_typical, **step}
 
 
 def sized(effect: Effect, point: Values, sse_reduction: Callable[[Values], float]) -> Start:

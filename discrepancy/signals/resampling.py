@@ -14,15 +14,12 @@ from scipy.interpolate import CubicSpline
 from discrepancy import gates
 from discrepancy.signals.recording import Array, Signal
 
-GAP: Final = 3.5  # in usual pauses between samples: no curve is drawn through a longer one, and a new block of the whitening filter starts
-HOLD_TOLERANCE: Final = (
-    1e-3  # of a grid step, by which a held value may be stamped beside a grid point and be of it
-)
-# A curve through noisy readings follows their noise, and rings after a shock: only where lines are off by far more than noise is it better.
-WORTH: Final = 0.6  # squared error of the curve over that of lines
-FEWEST: Final = int(
-    gates.SAMPLES_IN_A_BLOCK.threshold
-)  # samples of a part without gaps that is drawn as a curve
+# in usual pauses between samples: no curve is drawn through a longer one, and a new block of the whitening filter starts
+GAP: Final = 3.5
+# of a grid step, by which a held value may be stamped beside a grid point and be of it
+HOLD_TOLERANCE: Final = 1e-3
+# samples of a part without gaps that is drawn as a curve
+FEWEST: Final = int(gates.SAMPLES_IN_A_BLOCK.threshold)
 
 Course = Callable[[Array], Array]
 """Values of a signal on a grid: times [s] (n,), even and increasing -> (n,)."""
@@ -52,7 +49,7 @@ def course(source: Signal) -> Course:
 
 
 def is_smooth(source: Signal) -> bool:
-    """Whether a cubic spline through every second sample predicts the others with clearly less squared error (0.6 times) than straight lines do.
+    """Whether a cubic spline through every second sample predicts the others with less squared error than straight lines do.
 
     At twice the distance a curve loses more by noise, and by jumps, than it would between the samples.
     """
@@ -65,7 +62,7 @@ def is_smooth(source: Signal) -> bool:
             straight += float(np.sum((lines - y[left_out]) ** 2))
             curve = CubicSpline(t[knots], y[knots])
             curved += float(np.sum((curve(t[left_out]) - y[left_out]) ** 2))
-    return curved < WORTH * straight
+    return curved < straight
 
 
 def _without_gaps(source: Signal) -> Iterator[tuple[Array, Array]]:

@@ -9,7 +9,8 @@ from discrepancy.estimation.fit import Fit, fit
 from discrepancy.estimation.noise import Noise, white_noise
 from discrepancy.estimation.problem import Problem
 from discrepancy.model.description import Effect, Model, Parameter, Window
-from discrepancy.selection.assess import from_prior, from_typical_shapes
+from discrepancy.selection.assess import assess, from_prior, from_typical_shapes
+from discrepancy.selection.state import Settings
 from discrepancy.signals.recording import Array, Recording, signal
 from tests.discrepancy.decision.test_detectability import recorded, swinging
 
@@ -66,3 +67,30 @@ def test_a_shape_returns_to_where_it_was_scored_if_that_leads_to_a_better_minimu
 def test_a_shape_stays_where_the_fit_from_its_typical_value_is_the_worse_one() -> None:
     problem, noise, fitted = fitted_to_rough_ground(WAVES, scored_at=ELSEWHERE)
     assert from_typical_shapes(problem, noise, fitted, ["waves"]) is fitted
+
+
+SEEN = 0.02  # noise of the height [m]
+
+
+def overturning(window: Window, values: Mapping[str, float], _: Mapping[str, Array]) -> dict[str, Array]:
+    """Leans on what it drove into, or overturns without that: in another way at each mass, as a chaotic motion does."""
+    leaning = values["held"] * (1.0 - np.exp(-window.time_s))
+    over = 3.0 * values["mass"] + 2.0 * np.sin(2.0 * np.floor(values["mass"] / 0.05) + 2.0 * window.time_s)
+    return {"height": leaning if values["held"] > 0.3 else over}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_missing_is_no_noise_where_the_baseline_overturns(seed: int) -> None:
+    """The columns of an expensive model are those of the baseline, and the fit has moved: at its point they explain nothing."""
+    mass = Parameter(name="mass", unit="kg", lower=-5.0, upper=5.0, typical=0.1, prior_sd=1.0)
+    held = Parameter(name="held", unit="m", lower=0.0, upper=10.0, typical=1.0)
+    pile = Effect(name="pile", sentence="", equation="", parameters=(held,), kind="physics", place="")
+    model = Model(name="machine", sentence="", inputs={}, outputs={"height": "m"}, nuisances=(mass,), effects=(pile,),
+                  simulate=overturning, step_s=0.02, window_s=10.0, jacobian_reach=6.0)  # fmt: skip
+    time_s = 0.02 * np.arange(500)
+    seen = 1.1 * (1.0 - np.exp(-time_s)) + np.random.default_rng(seed).normal(0.0, SEEN, time_s.size)
+    problem = Problem(model, [Recording("into a pile", {"height": signal(time_s, seen, "m")})])
+    state = assess(problem, (), problem.start(), Settings())
+    assert state.fit.values.shared["mass"] != 0.0
+    # under a noise that has not swallowed it, it is seen
+    assert state.fit.sse > 100.0 * problem.measured.size

@@ -43,6 +43,24 @@ def test_starts_worse_than_nothing_are_left_out_where_another_is_better() -> Non
     assert all(reduction > 0.0 for reduction in reductions[1:])
 
 
+@pytest.mark.parametrize("shape", [True, False])
+def test_an_effect_with_a_shape_begins_where_it_was_scored_if_its_score_leads_astray(
+    shape: bool,
+) -> None:
+    """Beside a baseline that overturns, the size that a score expects may be any."""
+    problem, state = assessed("leak", leak=0.05)
+    [leak] = problem.model.effects
+    [size] = leak.parameters
+    more = (replace(size, name="leak.depth", shape=True),) if shape else ()
+    shaped = replace(leak, parameters=(replace(size, typical=0.05), *more))
+    problem = Problem(replace(problem.model, effects=(shaped,)), [record(5, leak=0.05)])
+    state = assess(problem, (), problem.start(), Settings())
+    (found,) = state.scores
+    wrong = replace(found, change=-found.change)
+    first, *_ = Starts(problem, state.noise, state.fit, state.columns).of(wrong, None)
+    assert (first.values.shared["leak"] > 0.0) == shape
+
+
 def test_cached_columns_lead_to_the_same_fit_with_fewer_simulations() -> None:
     model = replace(tank(*LEAK), jacobian_reach=1e-6)  # keeps columns, trusts them nowhere else
     problem = Problem(model, [record(5, leak=0.02)])

@@ -303,23 +303,29 @@ def test_a_centre_further_behind_is_no_effect():
 
 
 @pytest.mark.slow
-def test_the_pile_of_the_scenario_is_found_where_it_is(tmp_path):
+@pytest.mark.parametrize(
+    ("seed", "distance_m", "most_N", "depth_m"),
+    [(9, 7.0, 60e3, 0.5), (21, 7.0, 30e3, 0.5), (23, 7.0, 45e3, 0.25), (24, 5.0, 60e3, 0.5)],
+)
+def test_the_pile_of_a_scenario_is_found_where_it_is(tmp_path, seed, distance_m, most_N, depth_m):
     """Without it the machine pushes forward for seconds where the recorded one stands: nothing of the baseline is near."""
     from discrepancy.examine import examine
     from discrepancy.selection.state import Settings
     from hil.compose import Choice
     from hil.runs import run_lockstep
 
-    run_lockstep(Choice(scenario="pile_entry"), tmp_path / "run")
+    pile = {"distance_m": distance_m, "most_N": most_N, "depth_m": depth_m}
+    changes = tuple(f"effects.pile_entry.{name}={value}" for name, value in pile.items())
+    run_lockstep(Choice(scenario="pile_entry", seed=seed, changes=changes), tmp_path / "run")
     drive = loader.load_run(tmp_path / "run")
     found = examine(
         restricted(*LIBRARY, "pile_entry", recordings=[drive]), [drive], Settings(open_ended=False)
     )
     assert (found.status, found.named) == ("explained", ["pile_entry"])
     size = {e.name: e.value for e in found.findings[0].parameters}
-    assert size["pile_entry.distance_m"] == pytest.approx(7.0, abs=0.02)
-    assert size["pile_entry.most_N"] == pytest.approx(60e3, rel=0.02)
-    assert size["pile_entry.depth_m"] == pytest.approx(0.5, rel=0.05)
+    assert size["pile_entry.distance_m"] == pytest.approx(distance_m, abs=0.02)
+    assert size["pile_entry.most_N"] == pytest.approx(most_N, rel=0.02)
+    assert size["pile_entry.depth_m"] == pytest.approx(depth_m, rel=0.05)
 
 
 def test_long_steps_agree_with_short_ones(plain, monkeypatch):
