@@ -42,10 +42,10 @@ FOREIGN = {
     "%": ("1", 1e-2), "rpm": ("rad/s", math.pi / 30.0), "mV": ("V", 1e-3), "mA": ("A", 1e-3), "kHz": ("Hz", 1e3),
     "kV": ("V", 1e3), "uV": ("V", 1e-6), "µV": ("V", 1e-6), "uA": ("A", 1e-6), "µA": ("A", 1e-6), "kA": ("A", 1e3),
     "mW": ("W", 1e-3), "MW": ("W", 1e6), "Wh": ("J", 3600.0), "kWh": ("J", 3.6e6), "MJ": ("J", 1e6), "Ah": ("A.s", 3600.0),
-    "mN": ("N", 1e-3), "MN": ("N", 1e6), "mNm": ("N.m", 1e-3), "hPa": ("Pa", 1e2), "ohm": ("V/A", 1.0), "Ω": ("V/A", 1.0),
+    "mN": ("N", 1e-3), "MN": ("N", 1e6), "mNm": ("N.m", 1e-3), "hPa": ("Pa", 1e2),
     "kmh": ("m/s", 1.0 / 3.6), "kph": ("m/s", 1.0 / 3.6), "mph": ("m/s", 0.44704), "kn": ("m/s", 1852.0 / 3600.0),
     "ft": ("m", 0.3048), "in": ("m", 0.0254), "lb": ("kg", 0.45359237), "lbf": ("N", 4.4482216152605), "psi": ("Pa", 6894.757293168),
-    "ml": ("m^3", 1e-6), "L": ("m^3", 1e-3), "sec": ("s", 1.0), "C": ("A.s", 1.0),
+    "ml": ("m^3", 1e-6), "L": ("m^3", 1e-3), "sec": ("s", 1.0),
 }  # fmt: skip
 GRAM = {"g": ("kg", 1e-3)}
 # temperature scales with another zero than the kelvin: size of a degree [K] and zero of the scale [K]; exact by definition

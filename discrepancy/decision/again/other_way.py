@@ -55,7 +55,10 @@ def other_way(
     settings: Settings,
     progress: Progress,
 ) -> tuple[Judgement, list[OtherWay]]:
-    """The verdict, or one that explains everything with other effects; and the clearly better ways that leave something, too. judged: searches on from a state, beside that of the baseline."""
+    """The verdict, or one that explains everything with other effects; and clearly better ways that leave something, too.
+
+    judged: searches on from a state, beside that of the baseline.
+    """
     if first.sheet.costs.costly or first.findings.status not in ("explained in part", "unknown"):
         return first, []
     # the problem that the state was fitted to: its priors count in what the two explain

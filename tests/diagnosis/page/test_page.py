@@ -10,6 +10,7 @@ import pytest
 
 from diagnosis.page import page
 from diagnosis.page.heat import LEVELS, level
+from diagnosis.page.page import SHOWN_CARDS
 from diagnosis.page.profile import profile
 from diagnosis.page.sentences import better, clause, percent, sentence
 from discrepancy.decision.evidence import Evidence, RegimeCell, evidence, held_out_prediction
@@ -272,3 +273,19 @@ def test_without_findings_the_page_shows_one_curve() -> None:
     body = text[text.index("<body") : text.index("Terms</h2>")]
     for word in ("with the effects found", "before", "after"):
         assert word not in re.sub(r"<script.*?</script>|<style.*?</style>", "", body, flags=re.DOTALL)
+
+
+def test_names_stand_before_proxies_and_what_has_no_card_of_its_own_is_listed(
+    leaking: tuple[Judgement, Evidence],
+) -> None:
+    judged, _ = leaking
+    [leak] = judged.findings.findings
+    proxies = [replace(leak, effect=f"proxy {i}", named=False) for i in range(SHOWN_CARDS)]
+    result = replace(judged.findings, findings=[*proxies, leak])
+    _, _, cards = page(result, None, [], {}).partition('<div class="cards">')
+    outcomes = re.findall(r'class="outcome">([^<]*)<', cards)
+    shown = [x for x in outcomes if "leak" in x or "proxy" in x]
+    assert "leak" in shown[0]
+    assert shown[1:] == [f"Best proxy: proxy {i}" for i in range(SHOWN_CARDS - 1)]
+    assert "1 more" in outcomes
+    assert f"best proxy: proxy {SHOWN_CARDS - 1}" in cards

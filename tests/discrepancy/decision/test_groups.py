@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from discrepancy.decision import groups
 from discrepancy.decision.caveats import caveats_of
 from discrepancy.decision.drop_one import drop_one_tests
 from discrepancy.estimation.problem import Problem
@@ -66,6 +67,13 @@ def turning(seed: int, factor: float, noise: float = 0.05) -> Recording:
 def test_track_radius_and_gyro_scale_are_one_group_by_yaw_rate_alone(seed: int) -> None:
     """The track is a nuisance known to 1 % as well, which does nearly the same as each of them."""
     (found,) = examine(robot(), [turning(seed, 0.7)], SETTINGS).findings
+    assert {*found.members} == {"track", "radius", "yaw_rate scale"}
+
+
+def test_what_fits_as_well_is_a_rival_also_where_both_together_would_fit_better(monkeypatch) -> None:
+    """As two lags in series do in place of one: which of them is there stays open."""
+    monkeypatch.setattr(groups, "_both_needed", lambda *_: True)
+    (found,) = examine(robot(), [turning(0, 0.7)], SETTINGS).findings
     assert {*found.members} == {"track", "radius", "yaw_rate scale"}
 
 
