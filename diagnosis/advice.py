@@ -7,7 +7,7 @@ from shlex import quote
 from diagnosis.describe import estimate
 from discrepancy.signals.adequacy import inadequate
 from discrepancy.signals.findings import Finding, Findings
-from discrepancy.signals.quantities import quantity
+from discrepancy.signals.quantities import quantity, span
 
 SHOWN = 4  # members of a list in one sentence
 # The reason of a candidate reads "REASON; needs MANOEUVRE" (discrepancy.decision); where only an additional channel helps, the
@@ -139,7 +139,7 @@ def _size(f: Finding) -> str:
 
 def _where(f: Finding) -> str:
     channels = [channel for channel, share in f.where.channels.items() if share > 0.05]
-    spans = [f"{i.recording} {i.start_s:.1f} to {i.end_s:.1f} s" for i in f.where.intervals[:1]]
+    spans = [f"{i.recording} {span(i.start_s, i.end_s)}" for i in f.where.intervals[:1]]
     regime = [r.text for r in f.where.regimes[:1]]
     return "; ".join([_some(channels), *([] if f.where.throughout else spans), *regime])
 

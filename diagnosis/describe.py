@@ -15,7 +15,7 @@ from discrepancy.signals.findings import (
     Separation,
     Where,
 )
-from discrepancy.signals.quantities import figures, quantity, readable
+from discrepancy.signals.quantities import figures, quantity, readable, span
 from discrepancy.signals.units import shown
 
 SURE = 1000  # evidence above which its exact number is meaningless: the noise model is never that exact
@@ -89,8 +89,7 @@ def only_at(where: Where, *, several: bool) -> str:
     if not where.temporary:
         return ""
     spans = [
-        f"{f'{i.recording} ' if several else ''}from {i.start_s:.1f} to {i.end_s:.1f} s"
-        for i in where.intervals
+        f"{f'{i.recording} ' if several else ''}from {span(i.start_s, i.end_s)}" for i in where.intervals
     ]
     return f", only {' and '.join(spans)}"
 

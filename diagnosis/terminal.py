@@ -28,7 +28,7 @@ from diagnosis.describe import (
     wrong_values,
 )
 from discrepancy.signals.findings import Estimate, Finding, Findings
-from discrepancy.signals.quantities import figures, quantity
+from discrepancy.signals.quantities import figures, quantity, span
 
 MOST_ROWS = 12  # of candidates, without --all
 MOST_NAMES = 6  # of effects with the same reason, without --all
@@ -128,7 +128,7 @@ def _where(f: Finding, *, several: bool) -> str:
         text += ", throughout"
     else:
         spans = [
-            f"{f'{i.recording} ' if several else ''}{i.start_s:.1f} to {i.end_s:.1f} s ({i.share:.0%})"
+            f"{f'{i.recording} ' if several else ''}{span(i.start_s, i.end_s)} ({i.share:.0%})"
             for i in f.where.intervals[:3]
         ]
         text += f", mostly at {', '.join(spans)}" if spans else ""

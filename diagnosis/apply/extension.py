@@ -17,6 +17,7 @@ from diagnosis.describe import evidence, rounded, share
 from discrepancy.model.description import Effect, Model, Parameter
 from discrepancy.signals.adequacy import STILL_WRONG
 from discrepancy.signals.findings import Estimate, Finding, Findings
+from discrepancy.signals.quantities import span
 
 Values = Mapping[str, Mapping[str, float]]
 """Parameters by effect, in the units of the model."""
@@ -84,7 +85,7 @@ def _summary(f: Finding, recordings: Sequence[str]) -> list[str]:
     """Comment lines: the effect, where its evidence lies, and how strong it is."""
     # channels below 5 % of the evidence would only make the line long
     where = ", ".join(f"{channel} {part:.0%}" for channel, part in f.where.channels.items() if part > 0.05)
-    spans = "; ".join(f"{i.recording} {i.start_s:.1f} to {i.end_s:.1f} s" for i in f.where.intervals[:3])
+    spans = "; ".join(f"{i.recording} {span(i.start_s, i.end_s)}" for i in f.where.intervals[:3])
     lines = [
         f"{f.sentence.rstrip('.')}: {f.equation}".rstrip(": "),
         f"found in {', '.join(recordings)}; seen in {where}, "

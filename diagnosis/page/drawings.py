@@ -12,7 +12,7 @@ from diagnosis.page.heat import HeatRow
 from diagnosis.page.tables import Cell, heat, plain, table
 from discrepancy.decision.evidence import Evidence, MapRow, RegimeCell, Trace
 from discrepancy.signals.findings import ChannelNoise
-from discrepancy.signals.quantities import figures, readable
+from discrepancy.signals.quantities import figures, readable, span
 from discrepancy.signals.recording import Array
 from report.kit import plot
 from report.kit.axis import Axis
@@ -181,7 +181,7 @@ def recordings(shown: Evidence) -> str:
     above = ""
     for t in shown.traces:
         stamps = t.time_s[np.isfinite(t.recorded)]
-        span = f"{stamps[0]:.1f} to {stamps[-1]:.1f} s"
+        covered = span(float(stamps[0]), float(stamps[-1]))
         values = t.recorded[np.isfinite(t.recorded)]
         factor, unit = readable(t.unit, float(np.max(np.abs(values))))
         low, high = (figures(float(end) / factor) for end in (values.min(), values.max()))
@@ -189,7 +189,7 @@ def recordings(shown: Evidence) -> str:
             [
                 plain("" if t.recording == above else t.recording),
                 plain(t.channel),
-                plain(span, "n"),
+                plain(covered, "n"),
                 plain(f"{stamps.size}", "n"),
                 plain(f"{1e3 * float(np.median(np.diff(stamps))):.3g} ms", "n"),
                 plain(f"{low} to {high} {unit}".strip(), "n"),

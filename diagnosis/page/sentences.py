@@ -7,8 +7,9 @@ from html import escape
 
 from diagnosis import describe
 from diagnosis.page.tables import definitions
-from discrepancy.signals.adequacy import ErrorPart, inadequate, left, span
+from discrepancy.signals.adequacy import ErrorPart, inadequate, left
 from discrepancy.signals.findings import Estimate, Finding, Findings, OpenEquation, Where
+from discrepancy.signals.quantities import span
 from report.kit.mathml import added
 
 MOST_LEFT = 2  # channels beyond their budget on the card; all of them are in the table below
@@ -143,7 +144,7 @@ def where_text(where: Where) -> str:
     """Channels, time and regime of the evidence."""
     channels = ", ".join(f"{c} {percent(s)}" for c, s in where.channels.items() if s > SHARE_SHOWN)
     spans = "; ".join(
-        f"{i.recording} {i.start_s:.1f} to {i.end_s:.1f} s ({percent(i.share)})" for i in where.intervals[:3]
+        f"{i.recording} {span(i.start_s, i.end_s)} ({percent(i.share)})" for i in where.intervals[:3]
     )
     time = (
         "throughout"

@@ -19,7 +19,7 @@ from discrepancy.selection.candidate_fits import SURE, shapes_held
 from discrepancy.selection.open_ended import OpenEnded
 from discrepancy.selection.state import Settings, State, switched_off
 from discrepancy.signals import findings as f
-from discrepancy.signals.quantities import figures, quantity
+from discrepancy.signals.quantities import figures, quantity, span
 
 
 def caveats_of(
@@ -314,5 +314,5 @@ def _changing_baseline(problem: Problem, state: State, test: DropOneTest, settin
         return []
     name, _, windows = rival
     ends = [(problem.windows[run.start], problem.windows[run.stop - 1]) for run in runs(problem, windows)]
-    when = " and ".join(f"from {first.start_s:.4g} to {last.end_s:.4g} s" for first, last in ends)
+    when = " and ".join(f"from {span(first.start_s, last.end_s)}" for first, last in ends)
     return [f"the nuisance {name} would explain as much with another value {when}"]

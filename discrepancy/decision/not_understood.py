@@ -3,6 +3,7 @@
 from discrepancy.estimation.problem import Problem
 from discrepancy.estimation.set_aside import STEPS, OddInterval
 from discrepancy.selection.state import State
+from discrepancy.signals.quantities import span
 from discrepancy.signals.recording import Complaint
 
 SHOWN = 3  # times of single readings in a complaint
@@ -17,7 +18,7 @@ def complaints_of(problem: Problem, state: State) -> list[Complaint]:
         if not _long(interval):
             single.setdefault(where, []).append(interval)
             continue
-        text = f"is not understood from {_span(interval)}: the error is {interval.size:.2g} times that of the rest; set aside"
+        text = f"is not understood from {span(interval.start_s, interval.end_s)}: the error is {interval.size:.2g} times that of the rest; set aside"
         found.append(Complaint(*where, text))
     for where, readings in single.items():
         times = ", ".join(f"{reading.start_s:.4g}" for reading in readings[:SHOWN])
@@ -32,7 +33,7 @@ def complaints_of(problem: Problem, state: State) -> list[Complaint]:
 def intervals_not_understood(problem: Problem, state: State) -> list[str]:
     """Reasons why a recording of which the rest is explained holds something that is missing."""
     return [
-        f"{problem.windows[s.window].recording}: not understood from {_span(s)}; the rest is judged without it"
+        f"{problem.windows[s.window].recording}: not understood from {span(s.start_s, s.end_s)}; the rest is judged without it"
         for s in state.aside.intervals
         if _long(s)
     ]
@@ -40,7 +41,3 @@ def intervals_not_understood(problem: Problem, state: State) -> list[str]:
 
 def _long(interval: OddInterval) -> bool:
     return interval.rows >= STEPS
-
-
-def _span(interval: OddInterval) -> str:
-    return f"{interval.start_s:.4g} to {interval.end_s:.4g} s"

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Final, Literal
 
 from discrepancy import gates
-from discrepancy.signals.quantities import figures, quantity, readable
+from discrepancy.signals.quantities import figures, quantity, readable, span
 
 STILL_WRONG: Final = "still wrong: "
 """How every sentence begins on an error that is beyond its budget."""
@@ -106,9 +106,3 @@ def _place(part: ErrorPart, *, several: bool) -> str:
     if part.start_s is None or part.end_s is None:
         return f"where {part.regime}"
     return f"from {span(part.start_s, part.end_s)}{f' of {part.recording}' if several else ''}"
-
-
-def span(start_s: float, end_s: float) -> str:
-    """'46412.3 to 46415.1 s': as many decimals as the length needs, also where stamps count from midnight."""
-    decimals = 0 if end_s - start_s >= 20.0 else 1 if end_s - start_s >= 0.5 else 3
-    return f"{start_s:.{decimals}f} to {end_s:.{decimals}f} s"

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from discrepancy.signals.quantities import figures, quantity, readable
+from discrepancy.signals.quantities import figures, quantity, readable, span
 
 
 @given(st.floats(-1e12, 1e12, allow_nan=False).filter(lambda x: abs(x) > 1e-12), st.integers(2, 5))
@@ -45,3 +45,21 @@ def test_units_of_sheets_and_of_models_are_shown_alike(unit: str, text: str) -> 
 )
 def test_large_values_have_prefixed_units(unit: str, size: float, factor: float, text: str) -> None:
     assert readable(unit, size) == (factor, text)
+
+
+@pytest.mark.parametrize(
+    ("start_s", "end_s", "expected"),
+    [
+        (60.0, 120.0, "60 to 120 s"),
+        (13.3, 14.9, "13.3 to 14.9 s"),
+        (13.31, 16.04, "13.3 to 16.0 s"),
+        (0.02, 0.034, "0.020 to 0.034 s"),
+        (46412.3, 46415.1, "46412.3 to 46415.1 s (12.8923 to 12.8931 h)"),
+        (9000.0, 12600.0, "9000 to 12600 s (2.5 to 3.5 h)"),
+        (345600.0, 432000.0, "345600 to 432000 s (4.0 to 5.0 d)"),
+        (1.7e9, 1.7e9 + 30.0, "1700000000 to 1700000030 s"),
+        (5.0, 5.0, "5.0000 to 5.0000 s"),
+    ],
+)
+def test_a_span_has_as_many_digits_as_its_length_needs(start_s: float, end_s: float, expected: str) -> None:
+    assert span(start_s, end_s) == expected

@@ -305,7 +305,7 @@ def test_a_centre_further_behind_is_no_effect():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "distance_m", "most_N", "depth_m"),
-    [(9, 7.0, 60e3, 0.5), (21, 7.0, 30e3, 0.5), (23, 7.0, 45e3, 0.25), (24, 5.0, 60e3, 0.5)],
+    [(9, 7.0, 60e3, 0.5), (23, 5.0, 45e3, 0.25)],
 )
 def test_the_pile_of_a_scenario_is_found_where_it_is(tmp_path, seed, distance_m, most_N, depth_m):
     """Without it the machine pushes forward for seconds where the recorded one stands: nothing of the baseline is near."""
