@@ -9,7 +9,7 @@ import platform
 import shlex
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -143,6 +143,15 @@ def diagnose(
             help="Diagnose again with windows of this length; what depends on the length is said. May be repeated; each takes as long as one diagnosis.",
         ),
     ] = None,
+    at_most: Annotated[
+        float | None,
+        typer.Option(
+            "--at-most",
+            metavar="SECONDS",
+            min=0.0,
+            help="Search no longer than this, then judge what was found: names stand only where all errors are within their budgets. Judging takes a while more.",
+        ),
+    ] = None,
     workers: Annotated[
         int | None,
         typer.Option(
@@ -159,7 +168,7 @@ def diagnose(
     with ended_at_once(CLUSTER_ENDS_S if each else COMPUTING_ENDS_S):
         from diagnosis.question import Question
         from diagnosis.reading.reading import Misuse, ReadOptions, assigned, measured, numbers
-        from discrepancy.selection.state import Settings
+        from discrepancy.selection.state import Settings, never
 
         given_channels = assigned(channel or [])
         options = ReadOptions(
@@ -178,12 +187,18 @@ def diagnose(
         if out is not None:
             write("--out", out, {})
         if each:
-            if average or set_aside or window:
-                raise Misuse("--average, --set-aside and --window: apply to one diagnosis, not with --each")
+            if average or set_aside or window or at_most is not None:
+                raise Misuse(
+                    "--average, --set-aside, --window and --at-most: apply to one diagnosis, not with --each"
+                )
             raise typer.Exit(_each(question, out, apply, scheduler, workers))
         if scheduler is not None or workers is not None:
             raise Misuse("--scheduler and --workers: apply to many diagnoses; add --each")
-        settings = Settings(average=average, set_aside="intervals" if set_aside else "outliers")
+        settings = Settings(
+            average=average,
+            set_aside="intervals" if set_aside else "outliers",
+            over=never if at_most is None else over_after(at_most),
+        )
         raise typer.Exit(_one(question, out, apply, settings, window or [], everything=everything))
 
 
@@ -219,6 +234,8 @@ def _one(
         found = diagnosed(ready, settings, progress)
         others = dict[float, Findings]()
         for length in lengths:
+            if settings.over():
+                break
             progress(f"so far {found.findings.status}; again with windows of {length:g} s")
             others[length] = diagnosed(ready, settings, progress, length).findings
         result, shown = across_lengths(found.findings, others), None
@@ -265,6 +282,12 @@ def _each(
         )
     tally = diagnose_each(question, out, scheduler, workers, Console(stderr=True))
     return Ending.FAILED if tally.failures else Ending.PASSED
+
+
+def over_after(seconds: float) -> Callable[[], bool]:
+    """Whether so much time has passed since this call."""
+    end = time.monotonic() + seconds
+    return lambda: time.monotonic() > end
 
 
 def print_steps(steps: Sequence[str], console: "Console") -> None:

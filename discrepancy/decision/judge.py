@@ -12,6 +12,7 @@ from typing import Final
 from discrepancy.decision import summary
 from discrepancy.decision.adequacy import adequacy, certain, first_look
 from discrepancy.decision.again.beside import Beside, beside_equation
+from discrepancy.decision.again.cut_short import cut_short
 from discrepancy.decision.again.namesakes import apart, without_namesakes
 from discrepancy.decision.again.other_way import doubted, other_way
 from discrepancy.decision.again.times import with_times
@@ -53,22 +54,29 @@ def judge(
     progress: Progress = lambda _: None,
     complaints: Sequence[Complaint] = (),
 ) -> Judgement:
-    """The verdict on a problem. complaints: about the recordings, beside those of the problem.
+    """The verdict on a problem; where the time of the settings is over before, on what was found until then. complaints: about the recordings,
+    beside those of the problem.
 
     Content of recordings never raises here; Unusable is raised when the Problem is built.
     """
     first = _judged(problem, settings, progress, complaints)
-    first = with_times(first, lambda cut: _judged(cut, settings, progress, complaints), settings, progress)
-    first, better = other_way(
-        first,
-        lambda state: _judged(first.sheet, settings, progress, complaints, begin=state),
+    if settings.over():
+        return cut_short(first)
+    timed = with_times(first, lambda cut: _judged(cut, settings, progress, complaints), settings, progress)
+    if settings.over():
+        return cut_short(first)
+    other, better = other_way(
+        timed,
+        lambda state: _judged(timed.sheet, settings, progress, complaints, begin=state),
         settings,
         progress,
     )
+    if settings.over():
+        return cut_short(timed)
     last = beside_equation(
-        first, lambda grown, beside: _judged(grown, settings, progress, complaints, beside), progress
+        other, lambda grown, beside: _judged(grown, settings, progress, complaints, beside), progress
     )
-    return doubted(last, better)
+    return cut_short(doubted(other, better)) if settings.over() else doubted(last, better)
 
 
 def _judged(
@@ -208,12 +216,12 @@ def _searched(
     else:
         state, history = searched_on(sheet, begin[1], settings, progress)
         history = [begin[0], *history]
-    while found := _hidden_by_noise(sheet, state, history, settings, progress):
+    while not settings.over() and (found := _hidden_by_noise(sheet, state, history, settings, progress)):
         state, more = searched_on(sheet, state, settings, progress, found)
         history += more
     # without a finding there is no name that the sheet's value could make a proxy
     wrong = summary.sure_values(sheet, state, adequate=True) if doubting and state.accepted else []
-    if not wrong:
+    if not wrong or settings.over():
         return sheet, state, history
     progress(f"the recordings contradict the baseline's {', '.join(wrong)}; searching on without the prior")
     trusting = sheet.trusting_less(wrong, WIDER)

@@ -72,10 +72,13 @@ def verdict(
     reasons += _late_alike(problem, found)
     reasons += disagreements(problem, state, [x.effect for x in found if x.named])
     reasons += _not_looked_for(problem)
-    return status, reasons + [
-        f"the search ended at {settings.most_simulations} simulations although {t.effect} would still help: the model is far from the recordings, or wrong in many ways"
-        for t in left_over
-    ]
+    return status, [*reasons, *(_would_still_help(t, settings) for t in left_over)]
+
+
+def _would_still_help(left_over: CandidateFit, settings: Settings) -> str:
+    if settings.over():
+        return f"{left_over.effect} would still help"
+    return f"the search ended at {settings.most_simulations} simulations although {left_over.effect} would still help: the model is far from the recordings, or wrong in many ways"
 
 
 def _not_looked_for(problem: Problem) -> list[str]:

@@ -35,7 +35,7 @@ def search(
     state, history = _search(problem, settings, progress, NOTHING, look)
     whole = settings.set_aside == "intervals"
     aside = NOTHING if settings.set_aside == "nothing" else to_set_aside(problem, state, with_intervals=whole)
-    if not aside.intervals:
+    if not aside.intervals or settings.over():
         return state, history
     progress(
         f"{sum(s.rows for s in aside.intervals)} rows that nothing explains are set aside; searching again"
@@ -79,7 +79,7 @@ def _search(
             state = replace(state, trials=tuple(try_shortlist(problem, state, settings)))
         history.append(state)
         aside = state.aside
-        if over_budget(problem, settings):
+        if over_budget(problem, settings) or settings.over():
             return state, history
         found = best_confirmed(problem, state, settings) or confirmed_pair(problem, state, settings)
         if not found:

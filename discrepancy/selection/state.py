@@ -18,6 +18,11 @@ from discrepancy.selection.screen import Columns, Score
 Progress = Callable[[str], None]
 
 
+def never() -> bool:
+    """The search has all the time it needs."""
+    return False
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
     """Thresholds of a search, from the table of gates, and limits of its cost."""
@@ -40,6 +45,9 @@ class Settings:
     average: bool = False  # samples that come faster than the model moves become means (ADR 27)
     # what nothing explains and is left out of a second search (ADR 29): single readings, or intervals of time too
     set_aside: Literal["nothing", "outliers", "intervals"] = "outliers"
+    over: Callable[[], bool] = (
+        never  # whether the time for the search is over: it ends after its current round
+    )
 
     def least_held_out(self, reduction: float) -> float:
         """Smallest SSE reduction on held-out rows, where all rows give `reduction`."""
