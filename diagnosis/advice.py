@@ -19,6 +19,7 @@ OTHER_CHANNEL = "another channel"
 def advice(result: Findings, model: str, out: Path | None, *, applied: bool = False) -> list[str]:
     """Steps, with commands between backticks. model, out: as on the command line; applied: whether the findings are already in a file."""
     steps = [
+        *_searched_on(result),
         *_mended(result),
         *_checked(result),
         *_widened(result, model),
@@ -36,6 +37,12 @@ def advice(result: Findings, model: str, out: Path | None, *, applied: bool = Fa
             "If the recordings are not of one machine in one state, diagnose each of them alone with `--each`."
         )
     return [*steps, *_left(result), *_recorded(result)]
+
+
+def _searched_on(result: Findings) -> Iterator[str]:
+    """A search that was cut short says little that is worth acting upon."""
+    if result.cut_short:
+        yield "Search to the end: the same command without `--at-most`, or with more time."
 
 
 def _left(result: Findings) -> Iterator[str]:

@@ -149,7 +149,7 @@ def diagnose(
             "--at-most",
             metavar="SECONDS",
             min=0.0,
-            help="Search no longer than this, then judge what was found: names stand only where all errors are within their budgets. Judging takes a while more.",
+            help="Search no longer than this, then judge what was found, mostly as best proxies with their sizes. Judging takes a while more.",
         ),
     ] = None,
     workers: Annotated[

@@ -25,6 +25,7 @@ MEANING: Mapping[str, str] = {
     "Findings.baseline": "the machine that the recordings were compared with, and the source of that choice; empty where the model has no choice",
     "Findings.status": "explained: at least one effect is named, or a value of the baseline is wrong for certain, all channels are within their error budgets, and no equation is left; explained in part: at least one effect is named, and something is left that has no name; unknown: something is missing that no name fits; nothing missing; inconclusive: these recordings cannot decide",
     "Findings.reasons": "reasons of the status, in sentences",
+    "Findings.cut_short": "whether the search ended at its time limit (`--at-most`), before other explanations had been tried",
     "Findings.findings": "accepted effects, most evidence first",
     "Findings.adequacy": "errors of every channel beside its budget; empty in files of version 2 and before",
     "Findings.open_ended": "an equation of known signals for the difference that the library does not explain; `loaderhil effects add` writes it as an effect",

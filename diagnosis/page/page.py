@@ -89,6 +89,10 @@ def _heading(result: Findings) -> str:
         return f"Left out: {'; '.join(describe.alternatives(f, several=len(result.recordings) > 1) for f in result.findings if f.named)}{part}"
     if result.status.startswith("explained"):
         return f"A value of the baseline is wrong: {'; '.join(describe.wrong_values(result))}"
+    if result.cut_short and result.status == "unknown":
+        return "The model misses something; the search was cut short"
+    if result.cut_short:
+        return "The search was cut short"
     return {
         "unknown": "The model misses something; the cause is unknown",
         "nothing missing": "Nothing is missing",

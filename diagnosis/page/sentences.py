@@ -29,6 +29,8 @@ def headline(result: Findings) -> str:
     if result.status.startswith("explained"):
         wrong = "; ".join(describe.wrong_values(result))
         return f"A value of the baseline is wrong: {wrong}. Apart from that, no effect and no function of the known signals improves the prediction of held-out data."
+    if result.cut_short:
+        return sentence(result.reasons[0])
     if result.status == "unknown":
         signals = result.open_ended.depends_on if result.open_ended else []
         depends = f" The difference depends on {', '.join(signals)}." if signals else ""

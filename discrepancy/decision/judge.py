@@ -61,10 +61,10 @@ def judge(
     """
     first = _judged(problem, settings, progress, complaints)
     if settings.over():
-        return cut_short(first)
+        return cut_short(first, whole=False)
     timed = with_times(first, lambda cut: _judged(cut, settings, progress, complaints), settings, progress)
     if settings.over():
-        return cut_short(first)
+        return cut_short(first, whole=True)
     other, better = other_way(
         timed,
         lambda state: _judged(timed.sheet, settings, progress, complaints, begin=state),
@@ -72,11 +72,11 @@ def judge(
         progress,
     )
     if settings.over():
-        return cut_short(timed)
+        return cut_short(timed, whole=True)
     last = beside_equation(
         other, lambda grown, beside: _judged(grown, settings, progress, complaints, beside), progress
     )
-    return cut_short(doubted(other, better)) if settings.over() else doubted(last, better)
+    return cut_short(doubted(other, better), whole=True) if settings.over() else doubted(last, better)
 
 
 def _judged(
@@ -260,7 +260,8 @@ def _compared(
 ) -> _Compared:
     progress("looking for what the library does not explain")
     # before the drop-one tests: the equation sets the best prediction against which the gap is measured
-    left = explore(problem, state, settings) if settings.open_ended else OpenEnded()
+    # beside effects that were not tried it would stand for one of them
+    left = explore(problem, state, settings) if settings.open_ended and not settings.over() else OpenEnded()
     tests = drop_one_tests(problem, state, _on_the_way(history), left, settings)
     return _Compared(
         state, left, tests, [alternatives_of(problem, state, test, settings, progress) for test in tests]

@@ -21,6 +21,7 @@ from discrepancy.signals.recording import Complaint
 
 SHOWN = 6  # effects in a reason; the list of candidates has all of them
 SHOWN_CHANNELS = 3  # whose errors are in the reasons; all of them are in the findings
+WOULD_HELP = "would still help"  # end of a reason: an effect that passed when the search ended
 
 
 def verdict(
@@ -77,8 +78,8 @@ def verdict(
 
 def _would_still_help(left_over: CandidateFit, settings: Settings) -> str:
     if settings.over():
-        return f"{left_over.effect} would still help"
-    return f"the search ended at {settings.most_simulations} simulations although {left_over.effect} would still help: the model is far from the recordings, or wrong in many ways"
+        return f"{left_over.effect} {WOULD_HELP}"
+    return f"the search ended at {settings.most_simulations} simulations although {left_over.effect} {WOULD_HELP}: the model is far from the recordings, or wrong in many ways"
 
 
 def _not_looked_for(problem: Problem) -> list[str]:

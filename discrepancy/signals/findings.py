@@ -247,6 +247,7 @@ class Findings:
     baseline: str = ""
     status: Status
     reasons: list[str]
+    cut_short: bool = False  # the search ended at its time limit, before other explanations had been tried
     findings: list[Finding] = field(default_factory=list)
     adequacy: list[ChannelAdequacy] = field(default_factory=list)  # by channel; empty in files of version 2
     open_ended: OpenEquation | None = None

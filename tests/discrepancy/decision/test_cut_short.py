@@ -42,30 +42,34 @@ def test_after_one_round_there_is_one_finding_and_what_would_help_is_said() -> N
     assert "leak would still help" in brief.reasons
 
 
-def test_a_name_beside_errors_over_budget_waits_for_the_rest_of_the_search() -> None:
-    hit = struck(record(14, leak=0.05), 90.0, 100.0, 0.8)
-    judged = investigate(tank("leak"), [hit], Settings(open_ended=False))
+def complete(*, struck_too: bool) -> Judgement:
+    recording = record(14, leak=0.05)
+    recording = struck(recording, 90.0, 100.0, 0.8) if struck_too else recording
+    judged = investigate(tank("leak"), [recording], Settings(open_ended=False))
     assert isinstance(judged, Judgement)
-    assert (judged.findings.status, judged.findings.named) == ("explained in part", ["leak"])
-    brief = cut_short(judged).findings
+    return judged
+
+
+def test_the_name_of_a_whole_search_stands_if_it_explains_everything() -> None:
+    judged = complete(struck_too=False)
+    assert (judged.findings.status, judged.findings.named) == ("explained", ["leak"])
+    brief = cut_short(judged, whole=True).findings
+    assert (brief.status, brief.named, brief.cut_short) == ("explained in part", ["leak"], True)
+    assert brief.reasons[0] == UNTRIED
+
+
+@pytest.mark.parametrize(("struck_too", "whole"), [(True, True), (False, False)])
+def test_beside_errors_over_budget_or_in_half_a_search_a_name_waits(struck_too: bool, whole: bool) -> None:
+    judged = complete(struck_too=struck_too)
+    assert judged.findings.named == ["leak"]
+    brief = cut_short(judged, whole=whole).findings
     assert (brief.status, brief.named) == ("unknown", [])
     assert brief.findings[0].caveats == [UNTRIED]
 
 
-def test_what_explains_everything_keeps_its_name() -> None:
-    whole, at_once = (
-        examine(
-            tank("leak", "level delay"), [record(3, leak=0.05)], Settings(open_ended=False, over=asked(n))
-        )
-        for n in (1000, 2)
-    )
-    assert (whole.status, whole.named) == ("explained", ["leak"])
-    assert (at_once.status, at_once.named) == ("explained in part", ["leak"])
-
-
-@pytest.mark.parametrize("leak", [0.0, 0.05])
-def test_before_the_first_effect_is_accepted_no_verdict_is_possible(leak: float) -> None:
-    found = examine(tank("leak"), [record(3, leak=leak)], Settings(open_ended=False, over=lambda: True))
-    assert (found.status, found.findings) == ("inconclusive", [])
+@pytest.mark.parametrize(("leak", "status"), [(0.0, "inconclusive"), (0.05, "unknown")])
+def test_without_time_nothing_is_named_and_nothing_is_not_missing(leak: float, status: str) -> None:
+    found = examine(tank("leak"), [record(3, leak=leak)], Settings(over=lambda: True))
+    assert (found.status, found.findings, found.open_ended) == (status, [], None)
     assert found.reasons[0] == UNTRIED
     assert ("leak would still help" in found.reasons) == bool(leak)
