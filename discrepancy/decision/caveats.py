@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from discrepancy import gates
+from discrepancy.decision.drift_or_step import step_in_its_place
 from discrepancy.decision.drop_one import DropOneTest
 from discrepancy.decision.groups import in_between
 from discrepancy.decision.sizes.half_step import HalfStep
@@ -43,6 +44,7 @@ def caveats_of(
     found += _own_reading(effect, test)
     found += _mirrored(problem, state, test, effect)
     found += _early_beside_lag(state, effect)
+    found += step_in_its_place(problem, state, test.without, effect, fitted, settings)
     found += _in_between(problem, state, fitted)
     kept = _present(problem, effect, fitted, state.noise)
     found += _at_bounds(effect, fitted, kept)

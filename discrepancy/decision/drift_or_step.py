@@ -1,0 +1,65 @@
+"""A reading that drifts beside one that is off from a time on: where windows are few and the rest is not quite right, they look alike."""
+
+from collections.abc import Iterator
+
+from discrepancy import gates
+from discrepancy.decision.groups import EXTRA_PARAMETER, RIVAL, difference_sd
+from discrepancy.estimation.fit import Fit, fit
+from discrepancy.estimation.problem import Problem, Windows
+from discrepancy.model.description import Effect
+from discrepancy.selection.active_intervals import restricted_to
+from discrepancy.selection.assess import screen
+from discrepancy.selection.screen import sensitivities
+from discrepancy.selection.state import Settings, State
+from discrepancy.signals.quantities import quantity, span
+
+TRIED = 2  # times at which a step explains most to first order, and is fitted
+
+
+def step_in_its_place(
+    problem: Problem, state: State, without: Fit, effect: Effect, fitted: Fit, settings: Settings
+) -> list[str]:
+    """A caveat of a drift if a step of the same reading's bias explains as much; without: the fit without the drift, fitted: that with it."""
+    bias = f"{effect.reading}.bias"
+    if f"{effect.reading}.drift" not in effect.names or bias in fitted.names:
+        return []
+    offsets = [e for e in problem.model.effects if e.names == (bias,)]
+    found = [s for offset in offsets for s in _steps(problem, state, without, offset, settings)]
+    if not found:
+        return []
+    step, windows = min(found, key=lambda s: s[0].sse)
+    # the time of the step is one parameter more
+    difference = step.sse - fitted.sse + EXTRA_PARAMETER
+    limit = max(settings.rival, gates.VUONG.threshold * difference_sd(state.noise, step, fitted))
+    if difference >= limit or without.sse - step.sse <= gates.RIVAL_KEEPS.threshold * (
+        without.sse - fitted.sse
+    ):
+        return []
+    acting = [problem.windows[i] for i in windows]
+    when = span(min(w.start_s for w in acting), max(w.end_s for w in acting))
+    size = quantity(step.values.shared[bias], problem.model.parameter(bias).unit, 2)
+    return [
+        f"{effect.reading} off by {size} from {when} explains the recordings {'better' if difference < 0.0 else 'as well'}"
+    ]
+
+
+def _steps(
+    problem: Problem, state: State, without: Fit, offset: Effect, settings: Settings
+) -> Iterator[tuple[Fit, Windows]]:
+    """Fits of a bias that acts from the start of some window on, at the likeliest times, and the windows in which it acts."""
+    begun = [w.start_s for w in problem.windows]
+    later = [tuple(i for i, at in enumerate(begun) if at >= start) for start in sorted({*begun})[1:]]
+    columns = sensitivities(problem, without.values, problem.predict(without.values), [offset])
+    scored = [
+        (
+            screen(problem, state.noise, without, restricted_to(problem, columns, windows), settings)[0],
+            windows,
+        )
+        for windows in later
+    ]
+    scored.sort(key=lambda found: -found[0].raw_statistic)
+    (parameter,) = offset.parameters
+    for score, windows in scored[:TRIED]:
+        begin = without.values.with_shared({parameter.name: parameter.value + float(score.change[0])})
+        acting = begin.active_in(offset.amplitude_parameters, windows)
+        yield fit(problem, state.noise, (*without.names, parameter.name), acting, effort=RIVAL), windows
