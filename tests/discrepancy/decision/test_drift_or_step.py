@@ -39,7 +39,7 @@ TIME_S = 0.5 * np.arange(1200)
 @pytest.mark.parametrize("at_s", [250.0, 350.0])
 def test_a_sensor_that_is_off_from_a_time_on_does_not_drift(seed: int, at_s: float) -> None:
     """The step lies within a window, so that none at the edge of one is quite right."""
-    result = examine(plate(), [measured(seed, 0.4 * (TIME_S > at_s), TIME_S)], SETTINGS)
+    result = examine(plate(), [measured(seed, 0.4 * (at_s < TIME_S), TIME_S)], SETTINGS)
     drift = result.finding("temperature drift")
     assert not drift.named
     [said] = drift.caveats
