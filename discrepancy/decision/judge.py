@@ -26,6 +26,7 @@ from discrepancy.decision.not_accepted import taken_over
 from discrepancy.decision.not_understood import complaints_of, intervals_not_understood
 from discrepancy.decision.rates import at_both_rates, at_models_rate
 from discrepancy.decision.sizes.half_step import HalfStep, at_half_step
+from discrepancy.decision.sizes.of_a_wrong_model import of_a_wrong_model
 from discrepancy.decision.sizes.without_proxies import hanging_on_proxies
 from discrepancy.decision.stand_ins import with_stand_ins
 from discrepancy.decision.verdict import verdict
@@ -119,6 +120,7 @@ def _judged(
     found, unsure = _findings(sheet, problem, compared, history, beside, equation, exact, half, settings)
     found, at_rates = at_both_rates(problem, state, found, at_models_rate(problem, state, settings))
     found = hanging_on_proxies(problem, state.fit, found)
+    found = of_a_wrong_model(problem, found, channels, equation)
     # the order of acceptance is not that of the evidence
     found.sort(key=lambda finding: -finding.sse_reduction)
     candidates = summary.candidates(problem, state, history[0], found, settings)

@@ -246,6 +246,15 @@ MUCH_BESIDE_REST: Final = _gate(
     otherwise="best proxy, cause unknown",
     module="decision.caveats",
 )
+MATTERS_IN_A_WRONG_MODEL: Final = _gate(
+    name="large enough to matter in a wrong model",
+    of="name",
+    statistic="largest size that the 95 % interval allows, over the smallest change that matters (`typical`); where errors are over budget, or a proxy or an equation is left",
+    threshold=0.1,
+    source="as `Model.negligible` of the loader; a pendulum that swings for minutes shows an error of its encoder of 0.03 %, where 3 % mattered",
+    otherwise="best proxy, cause unknown",
+    module="decision.sizes.of_a_wrong_model",
+)
 DELAY_MIRRORED: Final = _gate(
     name="a delay is one way",
     of="name",
