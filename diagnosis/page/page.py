@@ -85,7 +85,7 @@ def page(
 
 def _heading(result: Findings) -> str:
     if result.named:
-        part = "; not all of it" if result.status == "explained in part" else ""
+        part = ", and more" if result.status == "explained in part" else ""
         return f"Left out: {'; '.join(describe.alternatives(f, several=len(result.recordings) > 1) for f in result.findings if f.named)}{part}"
     if result.status.startswith("explained"):
         return f"A value of the baseline is wrong: {'; '.join(describe.wrong_values(result))}"

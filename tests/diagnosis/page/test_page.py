@@ -64,7 +64,7 @@ def test_the_page_says_how_much_is_left_and_where() -> None:
     head, _, below = text.partition('id="adequacy"')
     for words in (
         "Explained in part",
-        "Left out: leak; not all of it",
+        "Left out: leak, and more",
         "Beyond the error budget: 1 of 1 channel",
     ):
         assert words in head
