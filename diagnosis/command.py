@@ -10,6 +10,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -168,7 +169,7 @@ def diagnose(
     with ended_at_once(CLUSTER_ENDS_S if each else COMPUTING_ENDS_S):
         from diagnosis.question import Question
         from diagnosis.reading.reading import Misuse, ReadOptions, assigned, measured, numbers
-        from discrepancy.selection.state import Settings, never
+        from discrepancy.selection.state import Settings
 
         given_channels = assigned(channel or [])
         options = ReadOptions(
@@ -194,12 +195,8 @@ def diagnose(
             raise typer.Exit(_each(question, out, apply, scheduler, workers))
         if scheduler is not None or workers is not None:
             raise Misuse("--scheduler and --workers: apply to many diagnoses; add --each")
-        settings = Settings(
-            average=average,
-            set_aside="intervals" if set_aside else "outliers",
-            over=never if at_most is None else over_after(at_most),
-        )
-        raise typer.Exit(_one(question, out, apply, settings, window or [], everything=everything))
+        settings = Settings(average=average, set_aside="intervals" if set_aside else "outliers")
+        raise typer.Exit(_one(question, out, apply, settings, at_most, window or [], everything=everything))
 
 
 def _one(
@@ -207,6 +204,7 @@ def _one(
     out: Path | None,
     apply: Path | None,
     settings: "Settings",
+    at_most: float | None,
     lengths: Sequence[float],
     *,
     everything: bool,
@@ -231,14 +229,21 @@ def _one(
     with shown_progress(Console(stderr=True)) as progress:
         ready = prepared(question, progress)
         checked_lengths(lengths, ready.model)
+        if at_most is not None:  # reading is no search
+            settings = replace(settings, over=over_after(at_most))
         found = diagnosed(ready, settings, progress)
         others = dict[float, Findings]()
         for length in lengths:
             if settings.over():
                 break
             progress(f"so far {found.findings.status}; again with windows of {length:g} s")
-            others[length] = diagnosed(ready, settings, progress, length).findings
+            other = diagnosed(ready, settings, progress, length).findings
+            if not other.cut_short:  # its names are missing for want of time, not because of the length
+                others[length] = other
         result, shown = across_lengths(found.findings, others), None
+        if untried := [f"{length:g} s" for length in lengths if length not in others]:
+            said = f"windows of {' and '.join(untried)} were not tried: the time was over"
+            result = replace(result, reasons=[*result.reasons, said])
         # predictions for the page cost as much as a fit, so only where a page is written
         if out is not None and found.judged is not None:
             progress("predicting held-out segments for the report")

@@ -7,6 +7,7 @@ from html import escape
 
 import numpy as np
 
+from discrepancy.signals.quantities import span
 from discrepancy.signals.recording import Array
 from report.kit.axis import Axis
 from report.kit.plot import Timeline, canvas, events, marked, time_labels
@@ -78,5 +79,5 @@ def _cell(low: float, high: float, value: float, across: Axis) -> str:
     left, width = 100 * float(across.share(low)), 100 * (high - low) / (across.end - across.start)
     return (
         f'<i class="h{level(value)}" style="left:{left:.3f}%;width:{width:.3f}%" '
-        f'title="{low:.2f} to {high:.2f} s: {value:.1f}"><b>{value:.1f}</b></i>'
+        f'title="{span(low, high)}: {value:.1f}"><b>{value:.1f}</b></i>'
     )

@@ -2,8 +2,7 @@
 
 from collections.abc import Iterator
 
-from discrepancy import gates
-from discrepancy.decision.groups import EXTRA_PARAMETER, RIVAL, difference_sd
+from discrepancy.decision.groups import EXTRA_PARAMETER, RIVAL, fits_as_well
 from discrepancy.estimation.fit import Fit, fit
 from discrepancy.estimation.problem import Problem, Windows
 from discrepancy.model.description import Effect
@@ -29,34 +28,27 @@ def step_in_its_place(
         return []
     step, windows = min(found, key=lambda s: s[0].sse)
     # the time of the step is one parameter more
-    difference = step.sse - fitted.sse + EXTRA_PARAMETER
-    limit = max(settings.rival, gates.VUONG.threshold * difference_sd(state.noise, step, fitted))
-    if difference >= limit or without.sse - step.sse <= gates.RIVAL_KEEPS.threshold * (
-        without.sse - fitted.sse
-    ):
+    if not fits_as_well(state.noise, without, fitted, step, EXTRA_PARAMETER, settings):
         return []
     acting = [problem.windows[i] for i in windows]
     when = span(min(w.start_s for w in acting), max(w.end_s for w in acting))
     size = quantity(step.values.shared[bias], problem.model.parameter(bias).unit, 2)
-    return [
-        f"{effect.reading} off by {size} from {when} explains the recordings {'better' if difference < 0.0 else 'as well'}"
-    ]
+    how = "better" if step.sse + EXTRA_PARAMETER < fitted.sse else "as well"
+    return [f"{effect.reading} off by {size} from {when} explains the recordings {how}"]
 
 
 def _steps(
     problem: Problem, state: State, without: Fit, offset: Effect, settings: Settings
 ) -> Iterator[tuple[Fit, Windows]]:
     """Fits of a bias that acts from the start of some window on, at the likeliest times, and the windows in which it acts."""
-    begun = [w.start_s for w in problem.windows]
-    later = [tuple(i for i, at in enumerate(begun) if at >= start) for start in sorted({*begun})[1:]]
     columns = sensitivities(problem, without.values, problem.predict(without.values), [offset])
-    scored = [
-        (
-            screen(problem, state.noise, without, restricted_to(problem, columns, windows), settings)[0],
-            windows,
-        )
-        for windows in later
-    ]
+    # from the first window on, the reading would be off throughout
+    times_s = sorted({window.start_s for window in problem.windows})[1:]
+    scored = []
+    for time_s in times_s:
+        windows = tuple(i for i, window in enumerate(problem.windows) if window.start_s >= time_s)
+        (score,) = screen(problem, state.noise, without, restricted_to(problem, columns, windows), settings)
+        scored.append((score, windows))
     scored.sort(key=lambda found: -found[0].raw_statistic)
     (parameter,) = offset.parameters
     for score, windows in scored[:TRIED]:

@@ -79,18 +79,23 @@ def alternatives(
         if settings.rival <= best.sse - state.fit.sse + extra < NEAR * whole:
             best = fit(problem, state.noise, names, best.values, effort=TO_THE_END)
         difference = best.sse - state.fit.sse + extra
-        limit = max(settings.rival, gates.VUONG.threshold * difference_sd(state.noise, best, state.fit))
-        kept = without.sse - best.sse > gates.RIVAL_KEEPS.threshold * whole
         # one that fits as well is a rival whatever both do together: a second lag in series with the first explains more, and which is there stays open
         as_well = difference < settings.rival
-        if (
-            difference < limit
-            and kept
-            and (as_well or not _both_needed(problem, state, effect, candidate, best, settings))
+        if fits_as_well(state.noise, without, state.fit, best, extra, settings) and (
+            as_well or not _both_needed(problem, state, effect, candidate, best, settings)
         ):
             cosine = collinearity(own, _direction(problem, best, candidate.name))
             found.append(Alternative(candidate.name, float(difference), cosine, best))
     return _special_before_general(problem, sorted(found, key=lambda m: m.difference))
+
+
+def fits_as_well(
+    noise: Noise, without: Fit, fitted: Fit, other: Fit, extra: float, settings: Settings
+) -> bool:
+    """Whether another fit in a finding's place explains as much, beyond what the difference scatters over time; extra: what its further parameters must bring."""
+    limit = max(settings.rival, gates.VUONG.threshold * difference_sd(noise, other, fitted))
+    kept = without.sse - other.sse > gates.RIVAL_KEEPS.threshold * (without.sse - fitted.sse)
+    return kept and other.sse - fitted.sse + extra < limit
 
 
 def _special_before_general(problem: Problem, ranked: list[Alternative]) -> list[Alternative]:

@@ -30,6 +30,8 @@ from discrepancy.selection.state import Settings, State, free_names
 from discrepancy.selection.unexplained import unexplained, unexplained_by_window
 from discrepancy.signals.recording import Array
 
+Left = tuple[Array, float]
+"""What is unexplained (N,), and how many parameters were used to explain the rest."""
 CLEARLY: Final = 1.0  # difference in SSE from which on another end of a fit is a better one, and not rounding
 
 
@@ -70,7 +72,7 @@ def assess(
     if look is not None:
         look(noise, fitted)
     at = values if problem.costs.costly else fitted.values
-    tried: list[tuple[float, Noise]] = []
+    tried: list[tuple[Left, Noise]] = []
     # Noise and fit depend on each other. Two passes: the first under white noise, roughly, the second under the noise that it leaves.
     for last in (False, True):
         home = _at_prior(problem, fitted)
@@ -84,13 +86,12 @@ def assess(
         base = problem.predict(fitted.values)
         columns = sensitivities(problem, at, problem.predict(at), candidates)
         left = [unexplained(problem, noise, fitted, problem.measured - base, columns)]
-        if problem.costs.costly:
+        if not at.same(fitted.values) and problem.costs.costly:
             left.append(_left_at(problem, noise, fitted, at, columns))
-        else:
-            tried = []
         known = noise.having(problem, initial_uncertainty(problem, fitted.values, base, cached=not last))
-        tried += [_own_noise(problem, each, known) for each in left]
-        noise = max(tried, key=lambda each: each[0])[1]
+        found = [(each, estimate_noise(problem, *each, known)) for each in left]
+        tried = [*tried, *found] if problem.costs.costly else found
+        noise = _likeliest(tried)
         effort = FULL if last else Effort(least_reduction=least)
         fitted = fit(problem, noise, names, fitted.values, effort=effort)
         if last and accepted:
@@ -115,9 +116,7 @@ def assess(
     )
 
 
-def _left_at(
-    problem: Problem, noise: Noise, fitted: Fit, at: Values, columns: Sequence[Columns]
-) -> tuple[Array, float]:
+def _left_at(problem: Problem, noise: Noise, fitted: Fit, at: Values, columns: Sequence[Columns]) -> Left:
     """What is unexplained at the point where an expensive model's columns were taken, which need not be that of the fit.
 
     Without a pile that is there the simulated machine overturns, at each point in another way: columns of one say nothing about another.
@@ -126,10 +125,14 @@ def _left_at(
     return unexplained(problem, noise, point, problem.measured - problem.predict(at), columns)
 
 
-def _own_noise(problem: Problem, left: tuple[Array, float], known: Noise) -> tuple[float, Noise]:
-    """Twice the log-likelihood of what is unexplained under its own noise, up to a constant, and that noise."""
-    noise = estimate_noise(problem, *left, known)
-    return 2.0 * noise.log_density() - float(np.sum(noise.whiten(left[0]) ** 2)), noise
+def _likeliest(tried: Sequence[tuple[Left, Noise]]) -> Noise:
+    """Of noises, each estimated from what is unexplained at some point, the one under which its own rows are likeliest."""
+
+    def likelihood(of: tuple[Left, Noise]) -> float:
+        (rows, _), noise = of
+        return 2.0 * noise.log_density() - float(np.sum(noise.whiten(rows) ** 2))
+
+    return tried[0][1] if len(tried) == 1 else max(tried, key=likelihood)[1]
 
 
 def _temporary_effects(

@@ -1,5 +1,6 @@
 """The verdict of a search whose time was over before it had tried everything."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -8,6 +9,10 @@ from discrepancy.decision.verdict import WOULD_HELP, still_wrong
 from discrepancy.signals import findings as f
 from discrepancy.signals.adequacy import inadequate
 
+LESS_SAID: Final[Mapping[f.Status, f.Status]] = {
+    "explained": "explained in part",
+    "nothing missing": "inconclusive",
+}
 UNTRIED: Final = "the search ended at its time limit, before other explanations had been tried"
 
 
@@ -22,8 +27,8 @@ def cut_short(judgement: Judgement, *, whole: bool) -> Judgement:
     findings = found.findings
     if beyond or not whole:
         findings = [replace(x, named=False, caveats=[UNTRIED]) if x.named else x for x in findings]
-    if any(x.named for x in findings):
-        status = f.LESS_SURE.get(found.status, found.status)
+    if any(x.named for x in findings) or (whole and not findings):
+        status = LESS_SAID.get(found.status, found.status)
     else:
         status = "unknown" if findings or beyond else "inconclusive"
     said = found.reasons

@@ -1,6 +1,7 @@
 """A search whose time is over gives a verdict on what it has found, and no more than that."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
@@ -56,6 +57,13 @@ def test_the_name_of_a_whole_search_stands_if_it_explains_everything() -> None:
     brief = cut_short(judged, whole=True).findings
     assert (brief.status, brief.named, brief.cut_short) == ("explained in part", ["leak"], True)
     assert brief.reasons[0] == UNTRIED
+
+
+def test_a_value_of_the_baseline_that_a_whole_search_found_wrong_stays_wrong() -> None:
+    judged = complete(struck_too=False)
+    by_value = replace(judged, findings=replace(judged.findings, findings=[]))
+    assert cut_short(by_value, whole=True).findings.status == "explained in part"
+    assert cut_short(by_value, whole=False).findings.status == "inconclusive"
 
 
 @pytest.mark.parametrize(("struck_too", "whole"), [(True, True), (False, False)])

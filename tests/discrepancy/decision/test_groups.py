@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -75,6 +76,32 @@ def test_what_fits_as_well_is_a_rival_also_where_both_together_would_fit_better(
     monkeypatch.setattr(groups, "_both_needed", lambda *_: True)
     (found,) = examine(robot(), [turning(0, 0.7)], SETTINGS).findings
     assert {*found.members} == {"track", "radius", "yaw_rate scale"}
+
+
+@pytest.mark.parametrize(
+    ("other", "extra", "scatter", "as_well"),
+    [
+        (109.0, 0.0, 0.0, True),
+        (110.0, 0.0, 0.0, False),  # a likelihood ratio of 100 is reached
+        (109.0, 2.0, 0.0, False),  # a parameter more has to bring something
+        (140.0, 0.0, 25.0, True),  # better at some times and worse at others
+        (160.0, 0.0, 25.0, False),
+        (
+            700.0,
+            0.0,
+            400.0,
+            False,
+        ),  # of what the finding explains, a third is too little, however it scatters
+        (90.0, 2.0, 0.0, True),
+    ],
+)
+def test_what_explains_as_much_is_a_rival(
+    monkeypatch, other: float, extra: float, scatter: float, as_well: bool
+) -> None:
+    """Beside a finding that takes the SSE from 1000 to 100."""
+    monkeypatch.setattr(groups, "difference_sd", lambda *_: scatter)
+    without, fitted, rival = (SimpleNamespace(sse=sse) for sse in (1000.0, 100.0, other))
+    assert groups.fits_as_well(None, without, fitted, rival, extra, SETTINGS) == as_well
 
 
 KNOTS = (0.0, 0.1, 0.25, 0.4)  # [m/s]

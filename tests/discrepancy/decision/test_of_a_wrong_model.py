@@ -1,5 +1,6 @@
 """Names that only a right model allows."""
 
+from copy import copy
 from dataclasses import replace
 
 import pytest
@@ -29,7 +30,7 @@ def doubted(judged: Judgement, found: list[Finding], *, matters_s: float | None 
         own = tuple(replace(p, typical=matters_s or p.typical) for p in effect.parameters)
         return replace(effect, parameters=own) if effect.name == "level delay" else effect
 
-    problem = judged.problem
+    problem = copy(judged.problem)
     problem.model = replace(problem.model, effects=tuple(changed(e) for e in problem.model.effects))
     return of_a_wrong_model(problem, found, judged.findings.adequacy, OpenEnded())
 
