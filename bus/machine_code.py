@@ -26,6 +26,10 @@ from bus.cache_folder import ROOT, cache_folder
 P = ParamSpec("P")
 R = TypeVar("R")
 
+_CONFIG: Any = numba.config  # its settings are made at run time
+IN_PYTHON = bool(_CONFIG.DISABLE_JIT)
+"""Whether there is no machine code, for a debugger (NUMBA_DISABLE_JIT=1): what only machine code can do needs another way."""
+
 # numba counts references to every array that a function is given or takes a part of. A step of the plant hands around two
 # dozen arrays through some forty calls, and more than half of its time was counting. The option that leaves the counting out
 # is numba's own and not documented (ADR 48). It is inherited by what a function calls, so both values are always said.
@@ -185,7 +189,10 @@ def direct(function: Callable[P, R], *arguments: Any) -> Callable[P, R]:
 
     numba looks at every array that it is given before it calls the code; at a hundred calls per second with some forty arrays
     that takes longer than a step of the plant.
+    Without machine code it is the function itself.
     """
+    if IN_PYTHON:
+        return function
     dispatcher: Any = function
     made: Callable[P, R] = dispatcher.compile(tuple(map(numba.typeof, arguments)))
     return made

@@ -21,6 +21,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from bus.frame import ERROR, EXTENDED, FD, REMOTE
+from bus.machine_code import IN_PYTHON
 from dbc.compiled import inlined, merged, released
 
 _step = merged  # a call per step would cost a third more
@@ -393,7 +394,8 @@ def parse(text: Any, columns: Any, starts: Any, ends: Any, bad_line: Any, bad_co
     """
     data = columns[4]
     row, line, bad, known, at, size = 0, 0, 0, 0, 0, text.size
-    pause, others = 0, 0  # lines that are not tried as usual ones: after the next one, from here on
+    # lines that are not tried as usual ones: after the next one, from here on; Python cannot load eight bytes as one
+    pause, others = 0, text.size if IN_PYTHON else 0
     keys = np.zeros(CHANNELS + 1, np.uint64)
     while at < size:
         if others:

@@ -14,7 +14,7 @@ from dbc.columns import ColumnDecoder
 from dbc.database import Database
 from dbc.recordings.reading import read_frames
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]  # the copy compiles the plant and the ECU anew
+pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "walks" / "add-a-signal.md").read_text(encoding="utf-8")
@@ -43,25 +43,30 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
     copy = tmp_path_factory.mktemp("signal")
     for package in sorted(path.parent for path in ROOT.glob("*/__init__.py")):
         if package.name not in ("tests", "bench"):
-            shutil.copytree(package, copy / package.name, ignore=shutil.ignore_patterns("__pycache__"))
+            # machine code of what the page does not edit comes with it; the plant's is large, and does not fit any more
+            left_out = shutil.ignore_patterns("__pycache__") if package.name == "plant" else None
+            shutil.copytree(package, copy / package.name, ignore=left_out)
     for diff in blocks("diff"):
         changed = re.search(r"^\+\+\+ b/(\S+)$", diff, re.MULTILINE)
         assert changed
         file = copy / changed[1]
         file.write_text(edited(file.read_text(encoding="utf-8"), diff), encoding="utf-8")
-    quick = {"NUMBA_OPT": "0", "NUMBA_CACHE_DIR": str(copy / "code")}  # compiled for half a second of motion
+    in_python = {
+        "NUMBA_DISABLE_JIT": "1"
+    }  # half a second of motion takes seconds, to compile plant and ECU minutes
     (commands,) = blocks("sh")
     for command in commands.splitlines():
         assert command.startswith("loaderhil ")
+        environment = dict(os.environ, PYTHONPATH=str(copy))
         run = subprocess.run(
             [sys.executable, "-m", "loaderhil", *command.split()[1:]],
-            cwd=copy, env=dict(os.environ, PYTHONPATH=str(copy), **quick), capture_output=True, text=True, check=False,
+            cwd=copy, env=environment | (in_python if command.startswith("loaderhil run") else {}),
+            capture_output=True, text=True, check=False,
         )  # fmt: skip
         assert run.returncode == 0, run.stdout + run.stderr
     return copy
 
 
-@pytest.mark.timeout(900)  # plant and ECU are compiled anew
 def test_the_sensor_is_on_the_bus_and_follows_the_truth(tree: Path) -> None:
     frames = read_frames(tree / "out/signal/bus.log")
     decoded = ColumnDecoder(Database.from_file(tree / "dbc/loader.dbc")).decode(frames)
