@@ -9,9 +9,11 @@ in turn comes a step late, and what is missing at a jump is what that jump does 
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
+from scipy.linalg.lapack import dtbtrs
 
 from discrepancy.model.description import Window
 from discrepancy.signals.recording import Array, Signal
@@ -99,12 +101,19 @@ def _near(source: Signal, window: Window) -> Signal:
 
 
 @dataclass(frozen=True, slots=True)
+class Command:
+    """A held input as it was recorded, and what an output may follow of it: itself, its square, and it in jumps."""
+
+    stamps: Array  # (s,)
+    values: Array  # (s, c)
+
+
+@dataclass(frozen=True, slots=True)
 class Commands:
-    """What one output follows in one window: the held inputs, their squares, and them in jumps; on the model's grid, and as they were recorded."""
+    """What one output follows in one window: the columns of each held input, on the model's grid and as they were recorded."""
 
     grid: Array  # (n, k)
-    stamps: Sequence[Array]  # of each of these
-    values: Sequence[Array]
+    recorded: Sequence[Command]  # their columns one after the other (k)
     # least squares over the steps, but for the output itself: orthonormal columns (n - 1, r) and what makes gains of them (k, r)
     driven: Array
     back: Array
@@ -112,24 +121,19 @@ class Commands:
     @classmethod
     def of(cls, window: Window, held: Held, responses: Mapping[str, Array]) -> "Commands":
         """Those of a window; held: the inputs that its recording has; responses: of the output to each of them, as of `in_jumps`."""
-        held = {name: _near(source, window) for name, source in held.items()}
-        grid = np.array([window[name] for name in held]).reshape(-1, window.time_s.size).T
-        own = [in_jumps(s, window, window[name], responses[name]) for name, s in held.items()]
-        on_grid = np.array([resampled(s, window.time_s) for s in own]).reshape(-1, window.time_s.size).T
-        stamps, values = [s.time_s for s in held.values()], [s.value for s in held.values()]
+        grid, recorded = [np.empty((window.time_s.size, 0))], []
+        for name, whole in held.items():
+            source, on_grid = _near(whole, window), window[name]
+            own = in_jumps(source, window, on_grid, responses[name])
+            grid.append(np.column_stack([on_grid, on_grid**2, resampled(own, window.time_s)]))
+            values = np.column_stack([source.value, source.value**2, own.value])
+            recorded.append(Command(source.time_s, values))
         # What an output does at once holds some of what it does within a step, too. Where the inputs alone explain the jumps, they are to:
         # of solutions that fit alike the shortest is taken, and of a light column it has next to nothing.
-        return cls.made(
-            np.hstack([grid, grid**2, on_grid]),
-            stamps * 3,
-            [*values, *(v**2 for v in values), *(s.value for s in own)],
-            np.repeat((1.0, LAST), (2 * len(own), len(own))),
-        )
+        return cls.made(np.hstack(grid), recorded, np.tile((1.0, 1.0, LAST), len(recorded)))
 
     @classmethod
-    def made(
-        cls, grid: Array, stamps: Sequence[Array], values: Sequence[Array], weights: Array | None = None
-    ) -> "Commands":
+    def made(cls, grid: Array, recorded: Sequence[Command], weights: Array | None = None) -> "Commands":
         """With what least squares need beforehand; weights (k,): of solutions that fit alike, one without the lighter columns is preferred."""
         weights = np.ones(grid.shape[1]) if weights is None else weights
         # what changes within a step is the jump of the inputs, and what they, the state and a constant drive
@@ -140,7 +144,7 @@ class Commands:
         U, s, Vt = np.linalg.svd(columns / size, full_matrices=False)
         sound = s > ROUNDING * s[0]
         back = (Vt[sound].T / s[sound])[: grid.shape[1]] / size[: grid.shape[1], None]
-        return cls(grid, stamps, values, U[:, sound], back)
+        return cls(grid, recorded, U[:, sound], back)
 
     def split(self, output: Array) -> tuple[Array, Array]:
         """An output (n,) without what it owes to the commands at once, and how it follows each of them (k,)."""
@@ -149,17 +153,31 @@ class Commands:
 
     def at(self, time_s: Array, lag_s: float = 0.0) -> Array:
         """The commands at times in order (m, k), behind a first-order lag."""
-        found = np.empty((time_s.size, len(self.stamps)))
-        for i, (stamps, values) in enumerate(zip(self.stamps, self.values, strict=True)):
+        found = [np.empty((time_s.size, 0))]
+        for command in self.recorded:
+            stamps, values = command.stamps, command.values
             last = np.clip(np.searchsorted(stamps, time_s, side="right") - 1, 0, None)
-            found[:, i] = values[last]
+            there = values[last]
             if lag_s > 0.0:
                 first = max(int(np.searchsorted(stamps, time_s[0] - FORGOTTEN * lag_s)) - 1, 0)
                 upto = slice(first, int(last[-1]) + 1)
                 reached = _followed(stamps[upto], values[upto], lag_s)[last - first]
-                left = np.exp(-np.maximum(time_s - stamps[last], 0.0) / lag_s)
-                found[:, i] += left * (reached - found[:, i])
-        return found
+                left = np.exp(-np.maximum(time_s - stamps[last], 0.0) / lag_s)[:, None]
+                there = there + left * (reached - there)
+            found.append(there)
+        return np.hstack(found)
+
+    def reading(self, time_s: Array) -> Callable[[float, float], Array]:
+        """The commands at these times in order (m, k), of a delay and of a lag behind it [s].
+
+        Those of the last two pairs are kept: a derivative changes one value at a time, and seldom one of these.
+        """
+
+        @lru_cache(maxsize=2)
+        def behind(late_s: float, lag_s: float) -> Array:
+            return self.at(time_s - late_s, lag_s)
+
+        return behind
 
     def _gains(self, output: Array) -> Array:
         """How the output follows the inputs at once (k,), by least squares over the steps of the window."""
@@ -174,9 +192,15 @@ class Commands:
 
 
 def _followed(stamps: Array, values: Array, lag_s: float) -> Array:
-    """Where a first-order lag behind a held input is when the input changes (m,); in its steady state at the first stamp."""
-    left = np.exp(-np.diff(stamps) / lag_s).tolist()
-    found = [float(values[0])]
-    for share, value in zip(left, values[:-1].tolist(), strict=True):
-        found.append(value + share * (found[-1] - value))
-    return np.array(found)
+    """Where a first-order lag behind held inputs is when they change (m, c); in its steady state at the first stamp.
+
+    Each value is a share of the one before and the rest of the input: a triangular system of two bands.
+    """
+    left = np.exp(-np.diff(stamps) / lag_s)
+    bands = np.ones((2, stamps.size))
+    bands[1, :-1] = -left
+    driven = values.copy()
+    driven[1:] = (1.0 - left)[:, None] * values[:-1]
+    found, info = dtbtrs(bands, driven, uplo="L", diag="U")
+    assert info == 0, info
+    return np.asarray(found, float)

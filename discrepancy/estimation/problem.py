@@ -6,7 +6,7 @@ rows of a window are therefore contiguous, and its initial states can be project
 
 import os
 from collections import deque
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, field, replace
@@ -358,10 +358,10 @@ class Problem:
         return found
 
     @cached_property
-    def _commands_at_rows(self) -> dict[tuple[int, str], Array]:
-        """The commands at the samples of every block that has an output which jumps, by its number and the output."""
+    def _commands_at_rows(self) -> dict[tuple[int, str], Callable[[float, float], Array]]:
+        """The commands at the samples of every block that has an output which jumps, by its number and the output; of a delay and a lag."""
         return {
-            (i, name): self._commands[block.window][name].at(block.sample_s)
+            (i, name): self._commands[block.window][name].reading(block.sample_s)
             for i, block in enumerate(self.blocks)
             for name in block.channels
             if name in self._jumping
@@ -409,15 +409,15 @@ class Problem:
     def _put_jumping(self, rows: Array, motions: Sequence[Mapping[str, Array]], values: Values) -> None:
         """Rows of outputs that jump, in the place of those on a straight line between grid points."""
         # faults of sensors are linear, so that they act on both parts of such an output; only the bias is of one
-        for (number, name), at_once in self._commands_at_rows.items():
+        for (number, name), commands_behind in self._commands_at_rows.items():
             block, place = self.blocks[number], self._places[number]
             window, commands = self.windows[block.window], self._commands[block.window][name]
             parameters = self._with_common_delays(window, values.in_window(block.window))
             smooth, gains = commands.split(motions[block.window][name])
             seen = self._read(window, {name: smooth}, parameters, {})[name]
             late, lag = parameters.get(f"{name}.delay", 0.0), parameters.get(f"{name}.lag", 0.0)
-            there = at_once if late == lag == 0.0 else commands.at(block.sample_s - late, lag)
-            read = means_of(place.of(seen) + gain(name, parameters) * (there @ gains), block.averaged)
+            at_once = gain(name, parameters) * (commands_behind(late, lag) @ gains)
+            read = means_of(place.of(seen) + at_once, block.averaged)
             rows[block.start + block.channels.index(name) : block.stop : len(block.channels)] = read
 
     def _within_reach(self, rows: Array) -> Array:

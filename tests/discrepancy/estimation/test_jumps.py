@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from discrepancy.estimation.jumps import Commands
+from discrepancy.estimation.jumps import Command, Commands
 from discrepancy.estimation.problem import Problem
 from discrepancy.examine import examine
 from discrepancy.model.description import Effect, Model, Parameter, Window
@@ -194,12 +194,16 @@ def test_squares_of_a_command_are_known() -> None:
 def test_a_lag_behind_a_command_is_exact_at_any_time() -> None:
     rng = np.random.default_rng(3)
     stamps, values = np.sort(rng.uniform(0.0, 5.0, 20)), rng.normal(size=20)
-    commands = Commands.made(np.zeros((3, 1)), [stamps], [values])
+    commands = Commands.made(np.zeros((3, 1)), [Command(stamps, values[:, None])])
     fine = np.arange(stamps[0], 5.0, 1e-4)
     held = values[np.searchsorted(stamps, fine, side="right") - 1]
     share = np.exp(-1e-4 / 0.2)
     slow = lfilter([0.0, 1.0 - share], [1.0, -share], held, zi=[held[0]])[0]
     np.testing.assert_allclose(commands.at(fine, 0.2)[:, 0], slow, atol=2e-3)
+    # what is kept is of its delay and lag
+    reading = commands.reading(fine[500:])
+    for late_s, lag_s in [(0.0, 0.2), (0.05, 0.2), (0.05, 0.1), (0.0, 0.2), (0.0, 0.0)]:
+        np.testing.assert_array_equal(reading(late_s, lag_s), commands.at(fine[500:] - late_s, lag_s))
 
 
 def test_an_expensive_model_is_left_as_it_is() -> None:
@@ -214,8 +218,9 @@ def test_a_window_keeps_only_what_it_may_see() -> None:
     grid = STEP_S * np.arange(20_000, 20_200)
     window = window_of(grid, current=source.value[20_000:20_200])
     commands = Commands.of(window, {"current": source}, {"current": np.zeros(200)})
-    assert max(stamps.size for stamps in commands.stamps) < 2_300
+    assert commands.recorded[0].stamps.size < 2_300
     # what it keeps is enough for a lag of 2 s
     late = commands.at(grid, lag_s=2.0)[:, 0]
-    whole = Commands.made(np.zeros((3, 1)), [source.time_s], [source.value]).at(grid, lag_s=2.0)[:, 0]
+    everything = Command(source.time_s, source.value[:, None])
+    whole = Commands.made(np.zeros((3, 1)), [everything]).at(grid, lag_s=2.0)[:, 0]
     np.testing.assert_allclose(late, whole, atol=1e-12)
