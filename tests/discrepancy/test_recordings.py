@@ -77,6 +77,7 @@ def dart(recordings: Path, name: str, *, reference: bool = True) -> Findings:
     return examine(car.model(reference=reference), [recording], FEWER)
 
 
+@pytest.mark.slow
 def test_a_late_gyro_is_called_late_with_the_value_of_motion_capture(recordings: Path) -> None:
     """0.09-0.10 s against the Vicon yaw rate, scale 1.03; the servo's lag 0.075-0.105 s; all found together."""
     result = dart(recordings, "rubber_free_mid_100228.csv.gz")
@@ -90,6 +91,7 @@ def test_a_late_gyro_is_called_late_with_the_value_of_motion_capture(recordings:
     assert result.finding("encoder lag").kind == "sensor"
 
 
+@pytest.mark.slow
 def test_without_motion_capture_the_delay_is_still_a_delay_and_shares_a_group_with_the_servo(
     recordings: Path,
 ) -> None:
@@ -109,11 +111,13 @@ def slides(recordings: Path) -> list[Findings]:
     return [dart(recordings, name) for name in names]
 
 
+@pytest.mark.slow
 def test_tape_has_about_half_the_grip_of_rubber(slides: list[Findings]) -> None:
     slippery = [r.finding("grip limit").parameters[0].value for r in slides]
     assert 0.4 < slippery[0] / slippery[1] < 0.65
 
 
+@pytest.mark.slow
 def test_the_gyro_is_as_late_where_the_steering_hardly_moves(slides: list[Findings]) -> None:
     """Its slow mean has another minimum at no delay at all."""
     for result in slides:
