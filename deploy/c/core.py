@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bus.frame import Frame
+from bus.machine_code import IN_PYTHON
 from bus.rows import LAYOUT, SENT, Rows, columns_of, frames_of
 from bus.user_error import UserError
 from configuration import CheckedTable
@@ -239,7 +240,10 @@ C: Final = CCore()
 
 @dataclass(frozen=True, slots=True)
 class Quickest(Core):
-    """The C core where its library was built before and has what is asked for, else the Python one. The frames are the same (ADR 92)."""
+    """The C core where its library was built before and has what is asked for, else the Python one. The frames are the same (ADR 92).
+
+    With NUMBA_DISABLE_JIT=1 always the Python one.
+    """
 
     name: str = "auto"
 
@@ -264,7 +268,9 @@ class Quickest(Core):
 
 
 def _quickest(calibration: Calibration, form: Form) -> Core:
-    return C if form == "corrected" and built(calibration) is not None else PYTHON
+    # who wants no machine code wants to step through the ECU, too
+    in_c = form == "corrected" and not IN_PYTHON and built(calibration) is not None
+    return C if in_c else PYTHON
 
 
 AUTO: Final = Quickest()

@@ -12,7 +12,7 @@ def truth_of_run(folder: Path, **environment: str) -> dict[str, np.ndarray]:
     """The true motion of a machine that rolls with its joint turned, run by the program in a process with these variables set."""
     run = subprocess.run(
         [sys.executable, "-W", "error", "-m", "loaderhil", "run", "hard_braking", "--set", "start.articulation_deg=20", "--set", "duration_s=0.5",
-         "--ecu-core", "python", "--out", str(folder)],
+         "--out", str(folder)],
         env=dict(os.environ, **environment), capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert run.returncode == 0, run.stdout + run.stderr

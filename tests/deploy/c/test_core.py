@@ -247,6 +247,10 @@ def test_auto_takes_c_where_it_was_built_and_never_builds_it(monkeypatch, tmp_pa
     # the C does not have the printed equations
     assert AUTO.computing(CALIBRATION, "printed") == "python"
     assert isinstance(AUTO.ecu(CALIBRATION, form="printed"), EcuCycle)
+    # a debugger steps through Python
+    monkeypatch.setattr(core, "IN_PYTHON", True)
+    assert AUTO.computing(CALIBRATION, "corrected") == "python"
+    assert isinstance(AUTO.ecu(CALIBRATION), EcuCycle)
 
 
 def test_auto_is_python_in_real_time():
