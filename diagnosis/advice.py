@@ -77,10 +77,16 @@ def _checked(result: Findings) -> Iterator[str]:
     for f in [f for f in result.findings if f.named and f.kind == "sensor"]:
         rivals = f" (or instead: {_some([m.effect for m in f.group])})" if f.group else ""
         yield f"Check the {f.place}: {f.sentence}{_size(f)}{rivals}.{doubt}"
-    for f in [f for f in result.findings if not f.named]:
+    proxies = [f for f in result.findings if not f.named]
+    if len(proxies) == 1:
         yield (
-            f"Do not take {f.effect} as the cause: it is only the most similar effect of the library. "
-            f"Look for the cause where the difference shows: {_where(f)}."
+            f"Do not take {proxies[0].effect} as the cause: it is only the most similar effect of the library. "
+            f"Look for the cause where the difference shows: {_where(proxies[0])}."
+        )
+    elif proxies:
+        yield (
+            f"Do not take {_some([f.effect for f in proxies])} as causes: they are only the most similar effects of the library. "
+            f"Look for the causes where most of the difference shows: {_where(max(proxies, key=lambda f: f.sse_reduction))}."
         )
 
 

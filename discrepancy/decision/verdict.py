@@ -20,6 +20,7 @@ from discrepancy.signals.quantities import figures, quantity
 from discrepancy.signals.recording import Complaint
 
 SHOWN = 6  # effects in a reason; the list of candidates has all of them
+SHOWN_PROXIES = 2  # whose caveats are in the reasons; those of more are with the findings
 SHOWN_CHANNELS = 3  # whose errors are in the reasons; all of them are in the findings
 WOULD_HELP = "would still help"  # end of a reason: an effect that passed when the search ended
 
@@ -210,11 +211,7 @@ def _status(
             f"a difference that the library does not explain depends on known signals: {equation.equation()}"
             + (f" ({stands_for})" if stands_for else "")
         )
-    reasons += [
-        f"{x.effect} is only the best proxy, the cause is unknown: {'; '.join(x.caveats)}"
-        for x in found
-        if not x.named
-    ]
+    reasons += of_proxies([x for x in found if not x.named])
     if inconsistent is not None:
         evidence, least = inconsistent.raw_sse_reduction, inconsistent.threshold
         reasons.append(
@@ -228,6 +225,18 @@ def _status(
     if found or equation.terms or inconsistent:
         return "unknown", [*reasons, *wrong]
     return _nothing_found(problem, candidates, complaints, wrong)
+
+
+def of_proxies(proxies: Sequence[f.Finding]) -> list[str]:
+    """Why they have no name; of many, which they are."""
+    if len(proxies) > SHOWN_PROXIES:
+        *others, last = (x.effect for x in proxies)
+        return [
+            f"{', '.join(others)} and {last} are only best proxies, their causes are unknown; the reasons stand with each"
+        ]
+    return [
+        f"{x.effect} is only the best proxy, the cause is unknown: {'; '.join(x.caveats)}" for x in proxies
+    ]
 
 
 def _nothing_found(

@@ -57,6 +57,19 @@ def test_each_thing_to_do_has_its_step_and_what_is_wrong_comes_first() -> None:
     assert not any("--apply" in step for step in advice(result, "tank.py", Path("out"), applied=True))
 
 
+def test_what_holds_of_several_best_proxies_is_said_once() -> None:
+    proxies = [finding(name, "physics", {name: 1.0}, named=False) for name in ("drag", "slope", "bias")]
+    where = replace(proxies[1].where, channels={"height": 1.0})
+    proxies[1] = replace(proxies[1], sse_reduction=9.0, where=where)
+    [said] = [
+        s
+        for s in advice(replace(NOTHING, status="unknown", findings=proxies), "tank.py", None)
+        if "Do not take" in s
+    ]
+    assert "drag, slope, bias" in said
+    assert "shows: height" in said
+
+
 def test_recordings_that_do_not_fit_together_may_be_judged_each_by_itself() -> None:
     unknown = replace(NOTHING, status="unknown", recordings=["a.csv", "b.csv"])
     assert "`--each`" in advice(unknown, "tank.py", None)[0]

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from discrepancy.decision.verdict import contradicted
+from discrepancy.decision.verdict import contradicted, of_proxies
 from discrepancy.examine import examine
 from discrepancy.selection.state import Settings
 from discrepancy.signals.findings import BaselineValue, Estimate
+from tests.diagnosis.cases import finding
 from tests.discrepancy.room import evening, room
 from tests.discrepancy.toys import record, tank
 
@@ -89,3 +90,16 @@ def test_a_reading_that_is_the_only_one_and_late_may_be_an_input_that_acts_late(
     assert result.named == ["level delay" if said else "level bias"]
     expected = "the only reading comes late by 0.35 s: inflow acting late by that, or stamped early, would look the same"
     assert (expected in result.reasons) is said
+
+
+def test_the_reasons_of_many_best_proxies_stand_with_each_and_not_in_the_verdict() -> None:
+    """With a page of reasons, what a reader needs first would be lost in it."""
+    proxies = [
+        replace(finding(name, "physics", {name: 1.0}, named=False), caveats=["hardly helps"])
+        for name in "abc"
+    ]
+    few, many = of_proxies(proxies[:2]), of_proxies(proxies)
+    assert few == [f"{name} is only the best proxy, the cause is unknown: hardly helps" for name in "ab"]
+    [said] = many
+    assert said.startswith("a, b and c are only best proxies")
+    assert "hardly helps" not in said
