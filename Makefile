@@ -67,7 +67,7 @@ compiled: $(BIN)/.test # two workers of pytest would compile the same functions,
 # the files with these marks: to collect all of them takes half a minute
 marked = $$(grep -rlE 'mark\.($(1))' tests --include='test_*.py' $(2))
 # about as long as SocketCAN and the slow tests elsewhere
-BESIDE_SOCKETCAN = tests/(discrepancy|identify|bench|walks|diagnosis/experiment)/
+BESIDE_SOCKETCAN = tests/(discrepancy|identify|bench|walks)/
 pytest-slow = $(BIN)/pytest -n $(WORKERS) --dist loadfile --timeout-method=thread -m 'slow and not processes and not browser'
 
 fast: compiled ## tests that need no real time, browser or CAN in the kernel
