@@ -51,6 +51,13 @@ class AnotherClock(Complaint):
     step_s: float  # between the shifts that were tried
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnotherUnit(Complaint):
+    """A channel that moves as predicted but for a factor between units."""
+
+    left: float  # share of what was measured that the prediction leaves once it has the factor
+
+
 def failing_channels(problem: Problem) -> list[Complaint]:
     """One complaint per channel with a wrong scale, sign or clock. Raises Unusable if the model diverges."""
     start = problem.start()
@@ -156,7 +163,7 @@ def _wrong_sign(problem: Problem, part: _Part, slope: float, alike: float) -> Co
     return Complaint(part.recording, part.channel, text, fatal=True)
 
 
-def _wrong_unit(problem: Problem, part: _Part, slope: float, alike: float) -> Complaint | None:
+def _wrong_unit(problem: Problem, part: _Part, slope: float, alike: float) -> AnotherUnit | None:
     """slope, alike: of `_slope`."""
     if alike < ALIKE:
         return None
@@ -175,7 +182,7 @@ def _wrong_unit(problem: Problem, part: _Part, slope: float, alike: float) -> Co
         f"moves {slope:.4g} times as much as the model predicts (correlation {alike:.2f}), a factor between units: "
         f"{' or '.join(likely)}? Left out; correct the heading and diagnose again"
     )
-    return Complaint(part.recording, part.channel, text, fatal=True)
+    return AnotherUnit(part.recording, part.channel, text, fatal=True, left=1.0 - alike**2)
 
 
 def _may_be_reversed(model: Model, channel: str) -> bool:

@@ -39,7 +39,7 @@ UNIT_FACTOR: Final = _gate(
     statistic="distance of the slope, reading over prediction, from a factor between units or from -1, as a share of it",
     threshold=0.2,
     source="what the model leaves out moves the slope by some per cent; factors between units are further apart",
-    otherwise="closer: the channel is left out and the likely heading is named",
+    otherwise="closer, where no effect of the library leaves less of the channel: it is left out and the likely heading is named",
     module="checks.channel_checks",
 )
 WITHIN_PRIORS: Final = _gate(

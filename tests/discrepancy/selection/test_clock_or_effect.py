@@ -1,4 +1,4 @@
-"""A strong effect is not taken for another clock, and another clock not for an effect."""
+"""A strong effect is not taken for another clock or unit, and neither of them for an effect."""
 
 from dataclasses import replace
 
@@ -104,3 +104,46 @@ def test_one_column_of_stamps_is_not_wrong_by_two_times(second_s: float, asked: 
     suspected = failing_channels(problem)
     assert [c.signal for c in suspected] == ["tilt", "turn"]
     assert [c.signal for c in still_blamed(problem, suspected)] == asked
+
+
+STIFFER = replace(
+    ACROSS,
+    name="stiffer",
+    parameters=(Parameter(name="cube", unit="1/rad2", lower=-100.0, upper=100.0, typical=1.0),),
+)
+IN_DEGREES = np.degrees(1.0)
+
+
+def spring(*effects: Effect) -> Model:
+    """Reads its input, and with the effect its third power, which is much more."""
+    return replace(
+        plate(*effects),
+        simulate=lambda window, values, extra: {
+            "tilt": window["turned"] + values["zero"] + values.get("cube", 0.0) * window["turned"] ** 3
+        },
+    )
+
+
+def drive_of(reading) -> Recording:
+    read = reading(along(TIME_S)) + 0.02 * np.random.default_rng(4).normal(size=TIME_S.size)
+    drive = recorded(0.0)
+    return replace(drive, signals={**drive.signals, "tilt": signal(TIME_S, read, "rad")})
+
+
+def cubed(turned):
+    """Over this input its slope is as good as that of degrees."""
+    return turned + 25.0 * turned**3
+
+
+def test_a_strong_effect_of_the_library_is_no_other_unit() -> None:
+    drive = drive_of(cubed)
+    [complaint] = failing_channels(Problem(spring(STIFFER), [drive]))
+    assert "tilt in deg" in complaint.text
+    assert blamed(spring(STIFFER), drive) == []
+    with pytest.raises(Unusable, match="tilt in deg"):
+        usable(spring(), [drive])
+
+
+def test_another_unit_is_no_effect() -> None:
+    with pytest.raises(Unusable, match="tilt in deg"):
+        usable(spring(STIFFER), [drive_of(lambda turned: IN_DEGREES * turned)])
