@@ -72,10 +72,9 @@ def has_processor(machine: str, features: Mapping[str, bool]) -> bool:
 
 def _choose_processor() -> None:
     """Have numba make code for `PROCESSOR`, unless the user chose one or this computer lacks something of it."""
-    config: Any = numba.config
-    chosen = config.CPU_NAME is not None or config.CPU_FEATURES is not None
+    chosen = _CONFIG.CPU_NAME is not None or _CONFIG.CPU_FEATURES is not None
     if not chosen and has_processor(platform.machine(), llvm.get_host_cpu_features()):
-        config.CPU_NAME, config.CPU_FEATURES = PROCESSOR, ""
+        _CONFIG.CPU_NAME, _CONFIG.CPU_FEATURES = PROCESSOR, ""
 
 
 _choose_processor()  # before numba makes or loads the first code of this process
@@ -89,8 +88,7 @@ class Locator(_ByFolder):  # type: ignore[misc]  # numba has no types
     @classmethod
     def get_suitable_cache_subpath(cls, py_file: str) -> str:
         """The folder of a source's functions."""
-        config: Any = numba.config
-        place = _place(py_file, config.CACHE_DIR)
+        place = _place(py_file, _CONFIG.CACHE_DIR)
         if place is None:
             place = super().get_suitable_cache_subpath(py_file)
         return place
@@ -120,23 +118,21 @@ def code_folder(package: Path, name: str, digest: str) -> Path:
 
     Errors: NoCacheFolderError.
     """
-    config: Any = numba.config  # its settings are made at run time
-    return cache_folder(package, name, digest, config.CACHE_DIR)
+    return cache_folder(package, name, digest, _CONFIG.CACHE_DIR)
 
 
 @contextmanager
 def _kept_in(folder: Path) -> Iterator[None]:
     """Functions that are given to numba meanwhile keep their machine code in `folder`."""
-    config: Any = numba.config
     # numba reads both when a function is decorated, so they are set only around that
-    before = config.CACHE_DIR, getattr(config, "CACHE_LOCATOR_CLASSES", "")
-    config.CACHE_DIR = str(folder)
+    before = _CONFIG.CACHE_DIR, getattr(_CONFIG, "CACHE_LOCATOR_CLASSES", "")
+    _CONFIG.CACHE_DIR = str(folder)
     if _ByFolder is not object:  # an older numba has other locators: code is found where it was made only
-        config.CACHE_LOCATOR_CLASSES = f"{__name__}.{Locator.__name__}"
+        _CONFIG.CACHE_LOCATOR_CLASSES = f"{__name__}.{Locator.__name__}"
     try:
         yield
     finally:
-        config.CACHE_DIR, config.CACHE_LOCATOR_CLASSES = before
+        _CONFIG.CACHE_DIR, _CONFIG.CACHE_LOCATOR_CLASSES = before
 
 
 def compiler(folder: Path, **options: Any) -> Callable[[Callable[P, R]], Callable[P, R]]:

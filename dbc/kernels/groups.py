@@ -67,6 +67,7 @@ def number_words(
     limit = keys.size // 2
     while row < can_id.size:
         word = can_id[row]
+        # in 64 bits, because Python warns of what overflows
         place = np.uint32(np.uint32(np.uint64(word) * _MULTIPLIER) >> _SHIFT) & mask
         while numbers[place] != _FREE and keys[place] != word:
             place = np.uint32(place + np.uint32(1)) & mask

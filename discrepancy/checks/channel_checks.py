@@ -55,7 +55,7 @@ class AnotherClock(Complaint):
 class AnotherUnit(Complaint):
     """A channel that moves as predicted but for a factor between units."""
 
-    left: float  # share of what was measured that the prediction leaves once it has the factor
+    left: float  # share of what was measured that the prediction leaves at the slope that fits best
 
 
 def failing_channels(problem: Problem) -> list[Complaint]:

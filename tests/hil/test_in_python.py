@@ -26,4 +26,6 @@ def test_python_and_machine_code_move_the_machine_alike(tmp_path: Path) -> None:
     assert python.keys() == compiled.keys()
     assert np.ptp(python["yaw"]) > 0.01  # rad: the machine turned
     for name, values in compiled.items():
-        np.testing.assert_allclose(python[name], values, rtol=1e-7, atol=1e-7, err_msg=name)
+        # last bits may differ: the order of sums is the compiler's
+        largest = float(np.max(np.abs(values)))
+        np.testing.assert_allclose(python[name], values, rtol=0.0, atol=1e-11 * largest, err_msg=name)

@@ -51,16 +51,14 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
         assert changed
         file = copy / changed[1]
         file.write_text(edited(file.read_text(encoding="utf-8"), diff), encoding="utf-8")
-    in_python = {
-        "NUMBA_DISABLE_JIT": "1"
-    }  # half a second of motion takes seconds, to compile plant and ECU minutes
     (commands,) = blocks("sh")
     for command in commands.splitlines():
         assert command.startswith("loaderhil ")
-        environment = dict(os.environ, PYTHONPATH=str(copy))
+        # half a second of motion takes seconds in Python, and to compile plant and ECU minutes; a report's pictures need machine code
+        in_python = str(int(command.startswith("loaderhil run")))
         run = subprocess.run(
             [sys.executable, "-m", "loaderhil", *command.split()[1:]],
-            cwd=copy, env=environment | (in_python if command.startswith("loaderhil run") else {}),
+            cwd=copy, env=dict(os.environ, PYTHONPATH=str(copy), NUMBA_DISABLE_JIT=in_python),
             capture_output=True, text=True, check=False,
         )  # fmt: skip
         assert run.returncode == 0, run.stdout + run.stderr

@@ -13,6 +13,7 @@ from discrepancy import gates
 from discrepancy.decision.adequacy import adequacy, granted
 from discrepancy.decision.groups import TO_THE_END, difference_sd
 from discrepancy.decision.judgement import Judgement
+from discrepancy.decision.verdict import of_proxies
 from discrepancy.estimation.effort import BRIEF
 from discrepancy.estimation.fit import fit
 from discrepancy.estimation.problem import Problem, Values
@@ -78,9 +79,9 @@ def doubted(judgement: Judgement, ways: Sequence[OtherWay]) -> Judgement:
     found, reasons = [], list(judgement.findings.reasons)
     for x in judgement.findings.findings:
         better = [way for way in ways if x.named and way.doubts(x)]
-        caveats = [way.said for way in better]
-        reasons[:0] = [f"{x.effect} is only the best proxy, the cause is unknown: {said}" for said in caveats]
-        found.append(replace(x, named=False, caveats=caveats) if caveats else x)
+        doubtful = replace(x, named=False, caveats=[way.said for way in better]) if better else x
+        reasons[:0] = of_proxies([doubtful]) if better else []
+        found.append(doubtful)
     named = any(x.named for x in found)
     status = judgement.findings.status if named or not found else "unknown"
     return replace(

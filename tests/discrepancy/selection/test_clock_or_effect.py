@@ -144,6 +144,8 @@ def test_a_strong_effect_of_the_library_is_no_other_unit() -> None:
         usable(spring(), [drive])
 
 
-def test_another_unit_is_no_effect() -> None:
+@pytest.mark.parametrize("zero_deg", [0.0, 20.0])
+def test_another_unit_is_no_effect(zero_deg: float) -> None:
+    """Nor where a bias beside the factor explains more than the factor alone: without it no effect explains anything."""
     with pytest.raises(Unusable, match="tilt in deg"):
-        usable(spring(STIFFER), [drive_of(lambda turned: IN_DEGREES * turned)])
+        usable(spring(STIFFER), [drive_of(lambda turned: IN_DEGREES * turned + zero_deg)])
