@@ -158,7 +158,7 @@ PUSHED = equation(
     term("reading of specific_force_x", "articulation_rate·|articulation_rate|", 1.5),
     term("reading of specific_force_y", "yaw_rate·articulation_angle", -0.8),
 )
-CHECK = """
+MOTIONS = """
 import json
 from tests.diagnosis.apply.test_effect_file import moving
 from discrepancy.models.loader.library import library
@@ -169,6 +169,26 @@ crab = moving(find_effect("crab").typical(), turning=True)
 sideways = [moving(find_effect("crab").of(c1=1.5, c2=c2), turning=True, seconds=0.01) for c2 in (-0.8, 0.0)]
 wind = [moving(find_effect("headwind").of(force_N=1000.0, height_m=0.0), seconds=s) for s in (1.0, 3.0)]
 print(json.dumps([crab, sideways, wind]))
+"""
+FORCES = """
+import json
+import numpy as np
+from plant.effects.registry import modules
+from plant.physics.parameters import parameter_vector
+from plant.physics.state import STATES
+from plant.physics.surface import Surface
+from plant.physics.workspace import new_workspace
+from plant.sheets.machine import load_machine
+
+def force(hook):
+    work = new_workspace()
+    work.whole[:] = 12e3, 0.9, 0.1, 1.2
+    p = parameter_vector(load_machine("l60"), Surface(), 0.0)
+    hook(np.array([1.5, 0.8, 0.0, 0.0]), 0, np.linspace(0.1, 1.0, STATES), p, work)
+    return work.tree.bias.tolist()
+
+hooks = [modules()[name].bodies for name in ("crab", "headwind")]
+print(json.dumps([[force(hook), force(hook.py_func)] for hook in hooks]))
 """
 
 
@@ -188,24 +208,34 @@ def moving(*chosen: ActiveEffect, turning: bool = False, seconds: float = 0.2) -
 
 
 @pytest.fixture(scope="module")
-def own_effects(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
-    """Motions in a process that compiles the plant, a minute's work, with two files more: that of `effects add` and that of the how-to."""
+def own_effects(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with two effects: that of `effects add` and that of the how-to."""
     folder = tmp_path_factory.mktemp("own")
     (folder / "findings.json").write_text(to_json(PUSHED))
     own = folder / "effects"
     with pytest.MonkeyPatch.context() as patch:
         assert call(patch, "effects", "add", folder, "--name", "crab", "--out", own / "crab.py") == 0
     (own / "headwind.py").write_text(own_effect(), encoding="utf-8")
+    return own
+
+
+def printed_with(own_effects: Path, code: str, **environment: str) -> list[Any]:
     ran = subprocess.run(
-        [sys.executable, "-c", CHECK],
+        [sys.executable, "-c", code],
         capture_output=True,
         text=True,
-        env={**os.environ, "LOADERHIL_EFFECTS": str(own), "PYTHONPATH": str(ROOT)},
+        env={**os.environ, "LOADERHIL_EFFECTS": str(own_effects), "PYTHONPATH": str(ROOT), **environment},
         check=False,
     )
     assert ran.returncode == 0, ran.stderr
     printed: list[Any] = json.loads(ran.stdout)
     return printed
+
+
+@pytest.fixture(scope="module")
+def motions(own_effects: Path) -> list[Any]:
+    """In Python: to compile a plant that has these effects takes minutes."""
+    return printed_with(own_effects, MOTIONS, NUMBA_DISABLE_JIT="1")
 
 
 def test_the_plants_effect_is_known_to_effects_machine_files_and_the_diagnosis(
@@ -226,11 +256,10 @@ def test_the_plants_effect_is_known_to_effects_machine_files_and_the_diagnosis(
     assert "c2 = -0.8" in printed.stdout
 
 
-@pytest.mark.timeout(900)  # it compiles the plant
 @pytest.mark.slow
-def test_the_plants_effect_pushes_as_the_equation_says(own_effects: list[Any]) -> None:
+def test_the_plants_effect_pushes_as_the_equation_says(motions: list[Any]) -> None:
     """Articulating at 0.4 rad/s for 0.2 s it gains speed ahead, within a half of c1 r |r| dt (the servo needs its time, the tyres hold against it)."""
-    (crab, (with_term, without), _), plain = own_effects, moving(turning=True)
+    (crab, (with_term, without), _), plain = motions, moving(turning=True)
     square = crab["rate"] * abs(crab["rate"])
     assert 0.2 * 1.5 * square * 0.2 < crab["ahead"] - plain["ahead"] < 1.5 * square * 0.2
     # Both runs share the push ahead, which changes the lateral speed too, and end before the tyres turn the frame about its axle.
@@ -238,13 +267,19 @@ def test_the_plants_effect_pushes_as_the_equation_says(own_effects: list[Any]) -
     assert (with_term["left"] - without["left"]) * sideways > 0.0
 
 
-@pytest.mark.timeout(900)  # it compiles the plant
 @pytest.mark.slow
-def test_the_effect_of_the_how_to_works(own_effects: list[Any]) -> None:
+def test_the_effect_of_the_how_to_works(motions: list[Any]) -> None:
     """Its force over the mass, less what turns with the wheels, is the deceleration."""
-    first, second = own_effects[2]
+    first, second = motions[2]
     mass = L60.mass + 4 * L60.wheel.spin_inertia / 0.73**2
     assert (first["speed"] - second["speed"]) / 2.0 == pytest.approx(1000.0 / mass, rel=5e-3)
+
+
+@pytest.mark.slow
+def test_machine_code_of_added_effects_pushes_as_their_python(own_effects: Path) -> None:
+    for machine_code, python in printed_with(own_effects, FORCES, NUMBA_DISABLE_JIT="0"):
+        np.testing.assert_allclose(machine_code, python, rtol=1e-12)
+        assert np.any(python)
 
 
 @pytest.mark.parametrize(
