@@ -18,7 +18,7 @@ INSTALLED = "installed"
 """A file of this name says that a folder came with the package: whoever keeps code elsewhere begins with a copy of it."""
 
 KEPT_S = 86_400.0
-"""How much older what belongs to other sources is when it is removed [s]: another process may still use it."""
+"""For how long no process has begun with what belongs to other sources when it is removed [s]: one may still use it."""
 
 
 class NoCacheFolderError(UserError, ValueError):
@@ -60,6 +60,7 @@ def cache_folder(package: Path, name: str, digest: str, chosen: str | None = Non
         except OSError:
             continue
         if os.access(folder, os.W_OK):
+            os.utime(folder)  # its age counts from its last use
             _forget_others(folder, name)
             return folder
     tried = ", ".join(map(str, places))
@@ -91,9 +92,9 @@ def _of_user() -> Path:
 
 
 def _forget_others(folder: Path, name: str) -> None:
-    """Remove what belongs to other states of the same package's sources and is KEPT_S older than this folder."""
-    made = folder.stat().st_mtime
+    """Remove what belongs to other states of the same package's sources and was last used KEPT_S before this folder."""
+    used = folder.stat().st_mtime
     for other in folder.parent.glob(f"{name}-*"):
-        # another checkout or an older process may still load it: only what is a day older goes
-        if other != folder and made - other.stat().st_mtime > KEPT_S:
+        # another checkout, a process with other effects or an older one may still load it
+        if other != folder and used - other.stat().st_mtime > KEPT_S:
             shutil.rmtree(other, ignore_errors=True)

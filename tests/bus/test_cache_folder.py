@@ -44,6 +44,16 @@ def test_code_of_long_ago_is_removed_and_that_of_today_stays(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["estimators-old", "plant-new", "plant-recent"]
 
 
+def test_code_that_was_made_long_ago_and_is_still_used_stays(tmp_path):
+    """A process with other effects has other code, and ends no process that uses this."""
+    used = cache_folder(tmp_path, "plant", "used", str(tmp_path))
+    long_ago = used.stat().st_mtime - 2 * KEPT_S
+    os.utime(used, (long_ago, long_ago))
+    cache_folder(tmp_path, "plant", "used", str(tmp_path))
+    cache_folder(tmp_path, "plant", "other effects", str(tmp_path))
+    assert used.is_dir()
+
+
 def test_where_the_package_cannot_be_written_to_the_users_cache_is_taken(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     package = tmp_path / "a file"

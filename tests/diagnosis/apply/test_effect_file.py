@@ -24,7 +24,7 @@ from plant.plant import Commands, Plant
 from plant.sheets.machine import load_machine
 from tests.diagnosis.cases import Call, columns, loaderhil, model_file, write_csv
 from tests.discrepancy.toys import record, tank
-from tests.plant.effects.test_library import ROOT, own_effect
+from tests.plant.effects.test_library import own_effect, run_python
 
 __all__ = ["loaderhil"]
 L60 = load_machine("l60")
@@ -173,22 +173,21 @@ print(json.dumps([crab, sideways, wind]))
 FORCES = """
 import json
 import numpy as np
-from plant.effects.registry import modules
+from plant.effects import dispatch, find_effect
 from plant.physics.parameters import parameter_vector
 from plant.physics.state import STATES
 from plant.physics.surface import Surface
 from plant.physics.workspace import new_workspace
 from plant.sheets.machine import load_machine
 
-def force(hook):
+def force(*chosen):
     work = new_workspace()
     work.whole[:] = 12e3, 0.9, 0.1, 1.2
     p = parameter_vector(load_machine("l60"), Surface(), 0.0)
-    hook(np.array([1.5, 0.8, 0.0, 0.0]), 0, np.linspace(0.1, 1.0, STATES), p, work)
+    dispatch.bodies(dispatch.active_vector(chosen), np.linspace(0.1, 1.0, STATES), p, work)
     return work.tree.bias.tolist()
 
-hooks = [modules()[name].bodies for name in ("crab", "headwind")]
-print(json.dumps([[force(hook), force(hook.py_func)] for hook in hooks]))
+print(json.dumps([force(find_effect(name).typical()) for name in ("crab", "headwind")]))
 """
 
 
@@ -220,13 +219,7 @@ def own_effects(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def printed_with(own_effects: Path, code: str, **environment: str) -> list[Any]:
-    ran = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        env={**os.environ, "LOADERHIL_EFFECTS": str(own_effects), "PYTHONPATH": str(ROOT), **environment},
-        check=False,
-    )
+    ran = run_python(code, own_effects, **environment)
     assert ran.returncode == 0, ran.stderr
     printed: list[Any] = json.loads(ran.stdout)
     return printed
@@ -276,10 +269,13 @@ def test_the_effect_of_the_how_to_works(motions: list[Any]) -> None:
 
 
 @pytest.mark.slow
-def test_machine_code_of_added_effects_pushes_as_their_python(own_effects: Path) -> None:
-    for machine_code, python in printed_with(own_effects, FORCES, NUMBA_DISABLE_JIT="0"):
-        np.testing.assert_allclose(machine_code, python, rtol=1e-12)
-        assert np.any(python)
+def test_the_machine_code_that_calls_added_effects_pushes_as_python_does(own_effects: Path) -> None:
+    """The generated callers with the library and both files, without the rest of the plant."""
+    machine_code, python = (printed_with(own_effects, FORCES, NUMBA_DISABLE_JIT=off) for off in ("0", "1"))
+    for compiled, plain in zip(machine_code, python, strict=True):
+        assert np.any(plain)
+        # one multiplication and addition may be rounded once in place of twice
+        np.testing.assert_allclose(compiled, plain, rtol=1e-12)
 
 
 @pytest.mark.parametrize(

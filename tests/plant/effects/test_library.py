@@ -119,11 +119,11 @@ def own_effect():
     return re.search(r"```python\n(.*?)```", text, re.DOTALL)[1]
 
 
-def run_python(code, folder):
-    environment = {**os.environ, "LOADERHIL_EFFECTS": str(folder), "PYTHONPATH": str(ROOT)}
+def run_python(code, folder, **environment):
+    """A process that has the effects of a folder beside the library's."""
     return subprocess.run(
         [sys.executable, "-c", code],
-        env=environment,
+        env={**os.environ, "LOADERHIL_EFFECTS": str(folder), "PYTHONPATH": str(ROOT), **environment},
         capture_output=True,
         text=True,
         check=False,
