@@ -30,6 +30,7 @@ class Peer:
         self.name = ""  # empty until it has said hello
         self.wants_own = False  # whether its own frames return to it as confirmations
         self.gone = False  # to be removed at the end of the current round
+        self._deaf = False  # it has hung up, and what it had sent before is still to be read
         self.unread = b""  # beginning of a record, or of a control message, whose end has not arrived
         self.pid = peer_pid(connection)
         self.sent = self.delivered = self.dropped = self.malformed = 0
@@ -45,6 +46,8 @@ class Peer:
 
     def give(self, records: memoryview, count: int) -> bool:
         """Pass on `count` frames; False if the hub now has to wait for the socket."""
+        if self._deaf:
+            return True
         if self._backlog:
             # order matters more than speed: nothing may overtake the frames that already wait
             self._hold(records)
@@ -56,7 +59,7 @@ class Peer:
         except BlockingIOError:
             taken = 0
         except OSError:
-            self.gone = True
+            self._hang_up()
             return True
         if taken == len(records):
             self.delivered += count
@@ -99,7 +102,12 @@ class Peer:
         except BlockingIOError:
             return
         except OSError:
-            self.gone = True
+            self._hang_up()
+
+    def _hang_up(self) -> None:
+        """It hears nothing any more; it is gone only when what it sent before it left has been read to the end."""
+        self._deaf = True
+        self._backlog.clear()
 
     def say(self, message: bytes) -> None:
         """Send a control message; it is lost if the client does not read."""

@@ -8,7 +8,7 @@ import pytest
 
 from bus.frame import Frame
 from bus.hub.client import HubTransport, hub_status
-from bus.hub.server import Hub
+from bus.hub.server import BATCH, Hub
 from bus.transport import BusClosed
 from tests.bus.hub.running import RunningHub
 from tests.bus.laws import WAIT_S, TransportLaws, collect, numbered, readable, unstamped
@@ -75,3 +75,25 @@ def test_frames_that_the_hub_never_read_do_not_cost_the_reader_its_own(path: str
         assert unstamped(collect(one, 1)) == [Frame(1, b"before")]
         with pytest.raises(BusClosed):
             one.drain()
+
+
+def test_a_client_that_leaves_at_once_is_heard_to_the_end_while_others_talk(path: str) -> None:
+    """To write to a client that has left is an error; what it had sent before must survive that."""
+    count, may_go_on = 3 * BATCH, threading.Event()
+    may_go_on.set()
+    hub = Hub(path)
+    thread = threading.Thread(target=hub.run, args=(may_go_on.wait,), daemon=True)
+    thread.start()
+    with hub, HubTransport(path) as hears, HubTransport(path) as talks:
+        leaves = HubTransport(path)
+        may_go_on.clear()  # the hub reads nothing until all of this has been sent
+        for frame in numbered(count):
+            assert leaves.send(frame)
+        leaves.close()
+        talks.send(Frame(1, b"others"))
+        may_go_on.set()
+        heard = unstamped(collect(hears, count + 1))
+        assert [frame for frame in heard if frame.can_id != 1] == numbered(count)
+        hub.stop()
+        thread.join()
+        assert [client.name for client in hub.status().clients] == [f"pid {os.getpid()}"] * 2

@@ -198,7 +198,7 @@ class TestOnABus:
             thread.start()
             thread.join()  # nobody asks the bench for frames meanwhile
             heard, patience = [], 50
-            while len(heard) < count and patience:  # on a busy host a second is not enough to read them all
+            while len(heard) < count and patience:  # a busy host may take more than one of these
                 bench.run_for(0.2)
                 heard = [frame for frame in bench.frames if frame.can_id == codec.can_id]
                 patience -= 1
