@@ -8,6 +8,7 @@ from discrepancy import gates
 from discrepancy.decision.drift_or_step import step_in_its_place
 from discrepancy.decision.drop_one import DropOneTest
 from discrepancy.decision.groups import in_between
+from discrepancy.decision.sizes import flat
 from discrepancy.decision.sizes.half_step import HalfStep
 from discrepancy.decision.summary import beyond_prior, edge_of_sheet, estimate, estimated
 from discrepancy.estimation.fit import Fit, fit
@@ -155,7 +156,12 @@ def _present(problem: Problem, effect: Effect, fitted: Fit, noise: Noise) -> Est
 
 def _at_bounds(effect: Effect, fitted: Fit, present: Estimated) -> list[str]:
     """Amplitude parameters at a physical bound, or with intervals that reach it; for a profile only if all are. A fit at a bound would go on: something else is missing."""
-    stops = {p.name: p.lower if e.at_bound == "lower" else p.upper for p, e in present if e.at_bound}
+    # where small changes do nothing, it is no bound that the fit stops at: an angle of stops beyond which they leave no room
+    stops = {
+        p.name: p.lower if e.at_bound == "lower" else p.upper
+        for p, e in present
+        if e.at_bound and not flat.is_flat(p, fitted)
+    }
     # a bound at the baseline is none: what ends there may be absent, which is said as such
     at_bound = [e for p, e in present if stops.get(p.name, p.value) != p.value]
     if at_bound and (not effect.is_profile or len(at_bound) == len(present)):

@@ -286,6 +286,40 @@ def test_a_bound_at_the_baseline_is_no_bound_at_which_a_size_stops(
     assert any("stops at its physical bound" in text for text in found) is stops
 
 
+def stuck_valve(most: float) -> Model:
+    """The tank behind a valve of 0.6 m/s that may be `narrower`, by this much at most; by 0.6 m/s or more it is shut."""
+
+    def behind_valve(
+        window: Window, values: Mapping[str, float], extra: Mapping[str, Array]
+    ) -> dict[str, Array]:
+        passes = max(0.6 - values.get("narrower", 0.0), 0.0)
+        held_back = np.minimum(passes - window["inflow"], 0.0)
+        return simulate(window, values, {**extra, "inflow": extra.get("inflow", 0.0) + held_back})
+
+    narrower = Parameter(
+        name="narrower", unit="m/s", lower=-0.5, upper=most, typical=0.2, trial_steps=(0.2, 0.4, 0.6)
+    )
+    plain = tank("level scale")
+    return replace(plain, effects=(*plain.effects, physics("valve", narrower)), simulate=behind_valve)
+
+
+@pytest.mark.parametrize(("most", "named"), [(1.0, True), (0.4, False)])
+def test_a_fit_stops_at_a_bound_only_where_it_would_go_on(most: float, named: bool) -> None:
+    """A valve that is shut. Shut is shut, so a fit may end at any size above 0.6; with a bound below, it would go on."""
+    exact = record(1)
+    inflow, level = exact.signals["inflow"].value, exact.signals["level"]
+    kept = np.exp(-0.2 * STEP_S)
+    drained = lfilter([0.0, (1.0 - kept) / 0.2], [1.0, -kept], np.minimum(inflow, 0.0), zi=[0.5])[0]
+    seen = drained + np.random.default_rng(1).normal(0.0, 0.02, drained.size)
+    recording = replace(exact, signals={**exact.signals, "level": replace(level, value=seen)})
+    valve = examine(stuck_valve(most), [recording], STRICT).finding("valve")
+    assert valve.named is named
+    assert any("stops at its physical bound" in text for text in valve.caveats) is not named
+    [size] = valve.parameters
+    if named:  # at least shut, and how far beyond cannot be known
+        assert (size.low, size.high) == (pytest.approx(0.6, abs=0.01), most)
+
+
 @pytest.mark.parametrize(
     ("value", "lower", "open_ended"),
     [(0.27, -0.3, True), (-0.27, -0.3, True), (0.2, -0.3, False), (0.03, 0.0, False)],
