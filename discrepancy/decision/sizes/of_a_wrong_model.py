@@ -1,7 +1,7 @@
-"""Names that a right model would allow, and a wrong one does not: far below what matters, or readings that come early.
+"""Faults of sensors that a right model would allow, and a wrong one does not: far below what matters, or readings that come early.
 
-Long recordings make any difference significant, and a law that is slightly wrong leaves many of a small size. A delay below zero shifts the whole motion
-ahead, as a faster law of the model would.
+Long recordings make any difference significant, and a law that is slightly wrong leaves many of a small size. A little of a motion looks like a scale of its
+reading, and a little of its rate like a delay. A delay below zero shifts the whole motion ahead, as a faster law of the model would.
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,9 @@ def of_a_wrong_model(
 
 
 def too_small_to_matter(effect: Effect, found: f.Finding) -> list[str]:
-    """A caveat of an effect far below the smallest change that matters."""
+    """A caveat of a sensor's fault far below the smallest change that matters: a sensor that is off by as little is as its sheet says."""
+    if effect.kind != "sensor":
+        return []
     estimates = {e.name: e for e in found.parameters}
     sizes = [
         (max(abs(end - p.value) for end in (e.value, e.low, e.high) if end is not None) / abs(p.typical), p)

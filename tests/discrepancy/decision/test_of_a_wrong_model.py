@@ -2,6 +2,7 @@
 
 from copy import copy
 from dataclasses import replace
+from typing import Literal
 
 import pytest
 
@@ -23,12 +24,18 @@ def late() -> Judgement:
     return judged
 
 
-def doubted(judged: Judgement, found: list[Finding], *, matters_s: float | None = None) -> list[Finding]:
-    """The findings, where a delay of `matters_s` is the smallest that matters."""
+def doubted(
+    judged: Judgement,
+    found: list[Finding],
+    *,
+    matters_s: float | None = None,
+    kind: Literal["sensor", "physics"] = "sensor",
+) -> list[Finding]:
+    """The findings, where a delay of `matters_s` is the smallest that matters, and an effect of this kind."""
 
     def changed(effect: Effect) -> Effect:
         own = tuple(replace(p, typical=matters_s or p.typical) for p in effect.parameters)
-        return replace(effect, parameters=own) if effect.name == "level delay" else effect
+        return replace(effect, kind=kind, parameters=own) if effect.name == "level delay" else effect
 
     problem = copy(judged.problem)
     problem.model = replace(problem.model, effects=tuple(changed(e) for e in problem.model.effects))
@@ -51,6 +58,16 @@ def test_beside_a_proxy_a_name_has_to_be_of_a_size_that_matters(
     assert [("the change of level.delay that matters, 30 s" in said) for said in found.caveats] == [
         True
     ] * small
+
+
+@pytest.mark.parametrize(("kind", "small"), [("sensor", True), ("physics", False)])
+def test_physics_may_be_as_small_as_it_is(
+    late: Judgement, kind: Literal["sensor", "physics"], small: bool
+) -> None:
+    """A sensor that is hardly off is as its sheet says; a delay of a servo is there, however short."""
+    [delay] = late.findings.findings
+    found, _ = doubted(late, [delay, proxy("leak", delay)], matters_s=30.0, kind=kind)
+    assert found.named != small
 
 
 @pytest.mark.parametrize(("delay_s", "ahead"), [(0.35, False), (-0.35, True)])
