@@ -30,7 +30,7 @@ class Peer:
         self.name = ""  # empty until it has said hello
         self.wants_own = False  # whether its own frames return to it as confirmations
         self.gone = False  # to be removed at the end of the current round
-        self._deaf = False  # it has hung up, and what it had sent before is still to be read
+        self._deaf = False  # it has left, but the hub may not have read everything that it sent
         self.unread = b""  # beginning of a record, or of a control message, whose end has not arrived
         self.pid = peer_pid(connection)
         self.sent = self.delivered = self.dropped = self.malformed = 0
@@ -58,8 +58,11 @@ class Peer:
             taken = self._send(records)
         except BlockingIOError:
             taken = 0
-        except OSError:
+        except ConnectionError:
             self._hang_up()
+            return True
+        except OSError:  # no memory: its stream would have a gap that nobody counts
+            self.gone = True
             return True
         if taken == len(records):
             self.delivered += count
@@ -101,11 +104,13 @@ class Peer:
                 self._forget(self._send(self._with_drops(records)))
         except BlockingIOError:
             return
-        except OSError:
+        except ConnectionError:
             self._hang_up()
+        except OSError:
+            self.gone = True
 
     def _hang_up(self) -> None:
-        """It hears nothing any more; it is gone only when what it sent before it left has been read to the end."""
+        """It has left. It stays in the list of clients until everything that it sent before has been read."""
         self._deaf = True
         self._backlog.clear()
 

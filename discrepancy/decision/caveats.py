@@ -156,7 +156,7 @@ def _present(problem: Problem, effect: Effect, fitted: Fit, noise: Noise) -> Est
 
 def _at_bounds(effect: Effect, fitted: Fit, present: Estimated) -> list[str]:
     """Amplitude parameters at a physical bound, or with intervals that reach it; for a profile only if all are. A fit at a bound would go on: something else is missing."""
-    # where small changes do nothing, it is no bound that the fit stops at: an angle of stops beyond which they leave no room
+    # a fit does not stop at a bound where small changes do nothing: a valve that is shut cannot be shut further
     stops = {
         p.name: p.lower if e.at_bound == "lower" else p.upper
         for p, e in present

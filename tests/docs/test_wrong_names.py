@@ -35,12 +35,12 @@ def test_the_readme_says_what_the_pages_count(row, said):
     assert (float(share), float(at_most)) == (round(100 * wrong / count, 1), round(100 * bound, 1))
 
 
-def of_bodies(row: str) -> tuple[int, int]:
-    """Hits and recordings of the three bodies on the page of the wild arms."""
-    page = (ROOT / "docs" / "results" / "wild.md").read_text(encoding="utf-8")
-    [line] = re.findall(rf"^\| {re.escape(row)} \|(.*)$", page, re.MULTILINE)
+def of_bodies(row: str, page: str = "wild.md", bodies: int = 3) -> tuple[int, int]:
+    """Hits and recordings of all bodies on a page of wild arms."""
+    text = (ROOT / "docs" / "results" / page).read_text(encoding="utf-8")
+    [line] = re.findall(rf"^\| {re.escape(row)} \|(.*)$", text, re.MULTILINE)
     found = re.findall(r"(\d+) of (\d+) \(", line)
-    assert len(found) == 3
+    assert len(found) == bodies
     return sum(int(hits) for hits, _ in found), sum(int(count) for _, count in found)
 
 
@@ -59,3 +59,20 @@ def test_the_readme_says_what_the_wild_arms_count():
     assert f"{shown[0]}, and {shown[1]}, of which {named} are named" in readme
     found, visible = of_bodies("of those with lambda >= 50 beside the differences too: in a named group")
     assert f"of the {visible} that are clear beside those laws too, {found}." in readme
+
+
+def test_the_readme_says_what_the_wild_arms_of_the_loader_count():
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    nulls, beside, named = (
+        of_bodies(row, "wild-loader.md", bodies=1)
+        for row in (
+            "nothing hidden: a wrong name",
+            "recordings with a false name beside it",
+            "one effect hidden, lambda >= 50: in a named group",
+        )
+    )
+    assert named[1] == beside[1]
+    assert (
+        f"{nulls[0]} of {nulls[1]} with nothing hidden, {beside[0]} of {beside[1]} with a clear effect, of which {named[0]} are named;"
+        in readme
+    )

@@ -19,21 +19,20 @@ from discrepancy.signals.quantities import quantity
 def of_a_wrong_model(
     problem: Problem, found: Sequence[f.Finding], channels: Sequence[ChannelAdequacy], equation: OpenEnded
 ) -> list[f.Finding]:
-    """The findings, with such names as proxies where the model is known to be wrong: by errors over budget, an equation, or a proxy."""
+    """The findings, with such faults as proxies where the model is known to be wrong: by errors over budget, an equation, or a proxy."""
     if not (inadequate([*channels]) or equation.terms or any(not x.named for x in found)):
         return [*found]
     doubted = []
     for x in found:
         effect = problem.model.effect(x.effect)
-        caveats = [*too_small_to_matter(effect, x), *early(effect, x)] if x.named else []
+        fault = x.named and effect.kind == "sensor"
+        caveats = [*too_small_to_matter(effect, x), *early(effect, x)] if fault else []
         doubted.append(replace(x, named=False, caveats=caveats) if caveats else x)
     return doubted
 
 
 def too_small_to_matter(effect: Effect, found: f.Finding) -> list[str]:
-    """A caveat of a sensor's fault far below the smallest change that matters: a sensor that is off by as little is as its sheet says."""
-    if effect.kind != "sensor":
-        return []
+    """A caveat of a sensor's fault far below the smallest change that matters: so small an error is within the sensor's sheet."""
     estimates = {e.name: e for e in found.parameters}
     sizes = [
         (max(abs(end - p.value) for end in (e.value, e.low, e.high) if end is not None) / abs(p.typical), p)
@@ -52,7 +51,7 @@ def too_small_to_matter(effect: Effect, found: f.Finding) -> list[str]:
 def early(effect: Effect, found: f.Finding) -> list[str]:
     """A caveat of a reading that comes early: no sensor reads ahead."""
     first = found.parameters[0]
-    if effect.kind != "sensor" or not first.name.endswith(".delay") or first.value >= 0.0:
+    if not first.name.endswith(".delay") or first.value >= 0.0:
         return []
     reading = effect.reading or first.name.removesuffix(".delay")
     return [

@@ -1,6 +1,8 @@
 """The hub keeps the laws of every transport; counters of its clients, and what its end leaves them."""
 
+import errno
 import os
+import socket
 import threading
 from pathlib import Path
 
@@ -8,6 +10,8 @@ import pytest
 
 from bus.frame import Frame
 from bus.hub.client import HubTransport, hub_status
+from bus.hub.packet import SIZE
+from bus.hub.peer import Peer
 from bus.hub.server import BATCH, Hub
 from bus.transport import BusClosed
 from tests.bus.hub.running import RunningHub
@@ -84,7 +88,7 @@ def test_a_client_that_leaves_at_once_is_heard_to_the_end_while_others_talk(path
     hub = Hub(path)
     thread = threading.Thread(target=hub.run, args=(may_go_on.wait,), daemon=True)
     thread.start()
-    with hub, HubTransport(path) as hears, HubTransport(path) as talks:
+    with hub, HubTransport(path, name="hears") as hears, HubTransport(path, name="talks") as talks:
         leaves = HubTransport(path)
         may_go_on.clear()  # the hub reads nothing until all of this has been sent
         for frame in numbered(count):
@@ -94,6 +98,20 @@ def test_a_client_that_leaves_at_once_is_heard_to_the_end_while_others_talk(path
         may_go_on.set()
         heard = unstamped(collect(hears, count + 1))
         assert [frame for frame in heard if frame.can_id != 1] == numbered(count)
+        assert [client.name for client in hub_status(path).clients] == ["hears", "talks"]
         hub.stop()
         thread.join()
-        assert [client.name for client in hub.status().clients] == [f"pid {os.getpid()}"] * 2
+
+
+def test_a_client_whose_stream_would_have_a_gap_is_disconnected() -> None:
+    """Without memory for a frame the client has not left: it has to learn that it lacks one."""
+
+    def without_memory(records: object) -> int:
+        raise OSError(errno.ENOBUFS, os.strerror(errno.ENOBUFS))
+
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        peer = Peer(ours)
+        peer._send = without_memory
+        assert peer.give(memoryview(bytearray(SIZE)), 1)
+        assert peer.gone

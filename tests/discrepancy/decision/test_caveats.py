@@ -316,8 +316,8 @@ def test_a_fit_stops_at_a_bound_only_where_it_would_go_on(most: float, named: bo
     assert valve.named is named
     assert any("stops at its physical bound" in text for text in valve.caveats) is not named
     [size] = valve.parameters
-    if named:  # at least shut, and how far beyond cannot be known
-        assert (size.low, size.high) == (pytest.approx(0.6, abs=0.01), most)
+    if named:  # shut at least; how far beyond that cannot be known. The end is found to 0.4 % of the way from 1.0 to -0.5
+        assert (size.low, size.high) == (pytest.approx(0.6, abs=0.006), most)
 
 
 @pytest.mark.parametrize(
