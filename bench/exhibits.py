@@ -52,7 +52,7 @@ EXHIBITS = (
         "A linear drive with a ball screw, 500 Hz. The model: a mass that a motor's force pushes.",
         "Published: viscous friction 203.5 N s/m, dry friction 20.4 N, offset of the force -3.2 N, mass 95.1 kg.",
         "Right: viscous and dry friction are named, as is the offset, and all three intervals hold the published sizes; friction is also right at 250 Hz and on the second recording of the drive. "
-        "Until every value of the force counted over its own 2 ms, not every second one over 4, the reading seemed to come 1.4 ms early. Without `--average` viscous friction is 254 N s/m by single samples, and its interval of 184 to 273 holds the 221 by means of 16 as well (another processor: 260, 190 to 279): the drive moves far slower than it is sampled.",
+        "Until every value of the force counted over its own 2 ms, not every second one over 4, the reading seemed to come 1.4 ms early. Without `--average` viscous friction is 254 N s/m by single samples, and its interval of 192 to 273 holds the 221 by means of 16 as well (another processor: 260, 190 to 279): the drive moves far slower than it is sampled.",
         average=True,
     ),
     Exhibit(
@@ -88,7 +88,7 @@ EXHIBITS = (
         ("run.csv.gz",),
         "The arm of a rotary pendulum that a controller keeps upright, 250 Hz. The model: a motor with linear damping and the pendulum's pull.",
         "Nearly nothing: a linear model explains all but 8.7 % of the arm's acceleration, and dry friction takes that to 8.4 %.",
-        "Honest: no cause is named. What is left is small and depends on the voltage; a delay is only the most similar effect. "
+        "Honest: no cause is named. What is left is small and depends on the voltage; a dead zone of the motor, dry friction and a delay are only the most similar effects. "
         "A first version of the model left out that the pendulum's inertia moves the arm; the tool answered with that equation, a part of the "
         "pendulum's angle in the arm's.",
     ),
