@@ -81,7 +81,7 @@ EXHIBITS = (
         "at both; another of their models has 0.186 N m at the elbow.",
         "Half right: the dry friction of both joints is named, and the shoulder's interval holds the published size. "
         "The elbow's is a fifth too small with an interval that misses the makers' 0.078 N m, beside a viscous "
-        "friction of 0.009 N m s/rad that nothing published confirms: the two share one resistance. An equation of the torques is left, so that the verdict is in part.",
+        "friction of 0.008 N m s/rad that nothing published confirms: the two share one resistance. An equation of the torques is left, so that the verdict is in part.",
     ),
     Exhibit(
         "qube_pendulum",
